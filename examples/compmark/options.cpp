@@ -81,6 +81,7 @@ constexpr GroupedOption grouped_options[] = {
     {"--measure-steps", expert_group},  {"--symmetric", expert_group},
     {"--keep-networks", expert_group},  {"--keep-positions", expert_group},
     {"--coarse-to-fine", expert_group}, {"--method", message_group},
+    {"--spread", message_group},
 };
 
 }  // namespace

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "run_options.hpp"
 
+#include <compmark/app/spread.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <memory>
 #include <string>
@@ -97,6 +98,9 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
   app.number("--lost-anchors", options.lost_anchors, RealRange{0, 0.9},
              "largest share of the anchors that is left out of a reading, in one reading of three, so that the mark is "
              "learned to survive pruning (default: 0)");
+  app.number("--spread", options.spread, RealRange{least_spread_psnr, largest_spread_psnr},
+             "decibels of a spread mark of the same key that is hidden first, for readers who have the unmarked model; "
+             "50 is proven by one picture (default: none)");
   app.number("--calibrate-steps", options.calibrate_steps, any_count,
              "iterations between step-bias calibrations of a context_gs model, without which a "
              "mark makes the file grow; 0: none (default: 50)");

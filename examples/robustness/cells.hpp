@@ -133,6 +133,7 @@ struct Scene {
     json["informed"] = {{"pictures", cell.informed},
                         {"found", cell.found},
                         {"bits_right", cell.informed_matches},
+                        {"spread_deviations", cell.spread_deviations},
                         {"p_value", cell.informed_p_value}};
   return json;
 }
@@ -151,6 +152,7 @@ struct Scene {
     cell.informed = informed.at("pictures");
     cell.found = informed.at("found");
     cell.informed_matches = informed.at("bits_right");
+    cell.spread_deviations = informed.at("spread_deviations");
     cell.informed_p_value = informed.at("p_value");
   }
   return cell;

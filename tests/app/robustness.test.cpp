@@ -6,6 +6,7 @@
 #include <doctest/doctest.h>
 
 #include <compmark/app/robustness.hpp>
+#include <compmark/app/spread.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <compmark/splat/training/model_file.hpp>
@@ -93,6 +94,35 @@ TEST_CASE("app/robustness: who knows the decoder turns the bits round, within ep
     CAPTURE(wrong);
     CHECK_FALSE(bench.measure({Kind::pgd, wrong}, files.executor).ok());
   }
+}
+
+TEST_CASE("app/robustness: gradient steps through the decoder leave a spread mark, which one picture still proves") {
+  BenchFiles files;
+  files.settings.unmarked = files.folder.path / "unmarked.safetensors";
+  files.settings.pictures = files.folder.path / "pictures";
+  Model<recipes::Scaffold> model = testing::small_model<recipes::Scaffold>(5, 500);
+  model.render.background = {0, 0, 0};
+  REQUIRE(write_model(files.settings.unmarked, model, testing::larger_info("scaffold", 4)).ok());
+  SpreadMarkSettings marking;
+  marking.model = files.settings.unmarked;
+  marking.out = files.settings.model;
+  marking.psnr = 36;
+  REQUIRE(mark_spread(testing::small_key(1, 24), marking, files.executor).ok());
+  const auto measured = [&](const RobustnessAttack& attack) {
+    RobustnessBench bench = files.open();
+    const Result<RobustnessCell> cell = bench.measure(attack, files.executor);
+    REQUIRE_MESSAGE(cell.ok(), cell.error().line());
+    CHECK(cell->informed == 1);
+    CHECK(cell->found == 1);
+    MESSAGE("spread mark at ", cell->spread_deviations, " deviations, p ", cell->informed_p_value);
+    return *cell;
+  };
+  CHECK(measured({}).informed_p_value < 1e-6);
+  const RobustnessCell erased = measured({Kind::pgd, "pgd_no_key:0.03"});
+  CHECK(*erased.psnr < 40);
+  CHECK(erased.informed_p_value < 1e-6);
+  REQUIRE(write_key(files.settings.key, testing::small_key(2, 24)).ok());
+  CHECK(measured({}).informed_p_value > 1e-3);  // another key's
 }
 
 TEST_CASE("app/robustness: what is missing is told before anything is measured") {

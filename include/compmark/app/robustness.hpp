@@ -64,7 +64,8 @@ struct RobustnessCell {
   std::size_t informed = 0;    ///< pictures that were read informed; the rest is of them
   std::size_t found = 0;       ///< whose camera was found
   std::size_t informed_matches = 0;
-  double informed_p_value = 1;  ///< corrected: two tests
+  double spread_deviations = 0;  ///< of a spread mark, in all of them together
+  double informed_p_value = 1;   ///< of message and spread mark, corrected: two tests
 };
 
 class RobustnessBench {

@@ -24,6 +24,9 @@
 
 namespace compmark {
 
+/// Decibels between renders that a spread mark may have.
+inline constexpr double least_spread_psnr = 30, largest_spread_psnr = 80;
+
 /// Errors name these fields as the tool's options do ("--model").
 struct SpreadMarkSettings {
   std::filesystem::path model;  ///< model.safetensors of any recipe whose anchors have features

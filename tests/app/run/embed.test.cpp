@@ -9,6 +9,7 @@
 #include <compmark/app/run/mark_record.hpp>
 #include <compmark/app/run/run_results.hpp>
 #include <compmark/app/run/train.hpp>
+#include <compmark/app/spread.hpp>
 #include <compmark/app/verify.hpp>
 #include <compmark/io/safetensors.hpp>
 #include <compmark/io/splat/read_splat.hpp>
@@ -209,6 +210,69 @@ TEST_CASE("app/run/embed: a baseline that is stopped and resumed ends in the sam
   }
 }
 
+/// What the pictures of `model` at the stored cameras say of the spread mark of `key`, read by the unmarked one.
+SpreadEvidence spread_of(const std::filesystem::path& model, const Unmarked& unmarked, const OwnerKey& key) {
+  ThreadExecutor executor(2);
+  Result<AnyModel> shown = AnyModel::open(model, executor), plain = AnyModel::open(unmarked.model, executor);
+  REQUIRE(shown.ok());
+  REQUIRE(plain.ok());
+  Result<SpreadReader> reader = SpreadReader::make(*plain, executor);
+  REQUIRE(reader.ok());
+  std::vector<double> sums(reader->cells().place.size(), 0.0);
+  for (const StoredView& view : plain->info().views) {
+    const Result<RenderedView> picture = shown->render(view, executor), render = plain->render(view, executor);
+    REQUIRE(picture.ok());
+    REQUIRE(render.ok());
+    const ImageView<const float> said(picture->image);
+    const std::vector<float> weight(said.size() / 3, 1.0f);
+    REQUIRE(reader->add(said, ImageView<const float>(render->image), weight, view.camera, executor, sums).ok());
+  }
+  return spread_evidence(spread_signs(key, reader->cells()), sums);
+}
+
+TEST_CASE("app/run/embed: a spread mark is hidden beside the message, and a resumed run has both to the bit") {
+  Unmarked unmarked("compmark-run-embed-spread");
+  EmbedSettings settings = unmarked.embedding("plain");
+  settings.iterations = 60;
+  const Result<RunOutcome> plain = embed_message(settings, unmarked.executor, unmarked.told);
+  REQUIRE(plain.ok());
+  settings.out = unmarked.scene.folder.path / "both";
+  settings.mark.spread = 40;
+  const Result<RunOutcome> both = embed_message(settings, unmarked.executor, unmarked.told);
+  REQUIRE_MESSAGE(both.ok(), both.error().line());
+  Digest256 secret{};
+  secret[7] = std::byte{77};
+  const Result<OwnerKey> other = make_key(secret, "2026-01-31T23:59:59Z", 8);
+  REQUIRE(other.ok());
+  const SpreadEvidence evidence = spread_of(both->model, unmarked, unmarked.key),
+                       without = spread_of(plain->model, unmarked, unmarked.key),
+                       wrong = spread_of(both->model, unmarked, *other);
+  MESSAGE("deviations ", evidence.deviations, ", without it ", without.deviations, ", another key ", wrong.deviations);
+  CHECK(evidence.p_value < 1e-6);
+  CHECK(without.p_value > 1e-3);
+  CHECK(wrong.p_value > 1e-3);
+  // The file that the message was learned from is gone; results.json knows the option.
+  for (const auto& file : std::filesystem::directory_iterator(settings.out))
+    CHECK(file.path().filename().string().find("spread") == std::string::npos);
+  settings.resume = true;
+  REQUIRE(embed_message(settings, unmarked.executor, unmarked.told).ok());
+  settings.mark.spread = 45;
+  const Result<RunOutcome> changed = embed_message(settings, unmarked.executor, unmarked.told);
+  REQUIRE_FALSE(changed.ok());
+  CHECK(changed.error().problem.find("--spread") != std::string::npos);
+
+  settings.out = unmarked.scene.folder.path / "parts";
+  settings.mark.spread = 40;
+  settings.resume = false;
+  KeepingObserver stopping, going_on;
+  stopping.stop_after = 27;
+  CHECK(embed_message(settings, unmarked.executor, stopping).error().kind == ErrorKind::cancelled);
+  settings.resume = true;
+  REQUIRE(embed_message(settings, unmarked.executor, going_on).ok());
+  CHECK(going_on.beginnings[0].iteration == 27);
+  CHECK(testing::same_file(settings.out / "model.safetensors", both->model));
+}
+
 TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused with the option's name") {
   Unmarked unmarked("compmark-run-embed-wrong");
   const auto field_of = [&](auto change) {
@@ -222,6 +286,7 @@ TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused 
   CHECK(field_of([](EmbedSettings& s) { s.mark.period = 0.2; }) == "--period");
   CHECK(field_of([](EmbedSettings& s) { s.mark.calibrate_steps = 20; }) == "--calibrate-steps");
   CHECK(field_of([](EmbedSettings& s) { s.mark.bits = 16; }) == "bits");
+  CHECK(field_of([](EmbedSettings& s) { s.mark.spread = 20; }) == "--spread");
   CHECK(field_of([](EmbedSettings& s) {
           s.mark.fidelity = 0;
           s.mark.fall = 1;
@@ -248,6 +313,7 @@ TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused 
   CHECK(field_of_baseline([](MarkSettings& m) { m.orbit = 0.5; }) == "--orbit");
   CHECK(field_of_baseline([](MarkSettings& m) { m.margin = 2; }) == "--message-margin");
   CHECK(field_of_baseline([](MarkSettings& m) { m.lost_anchors = 0.5; }) == "--lost-anchors");
+  CHECK(field_of_baseline([](MarkSettings& m) { m.spread = 50; }) == "--spread");
   CHECK(field_of_baseline([](MarkSettings& m) { m.for_compression = true; }) == "--for-compression");
 }
 
@@ -282,6 +348,9 @@ TEST_CASE("app/run/embed: the splats of another program are marked as they are, 
   settings.mark.decoder = fit.out;
   settings.downscale = 16;
   settings.iterations = 300;
+  EmbedSettings with_spread = settings;  // whose directions are those of features
+  with_spread.mark.spread = 50;
+  CHECK(embed_message(with_spread, executor, told).error().field == "--spread");
   const Result<RunOutcome> outcome = embed_message(settings, executor, told);
   REQUIRE_MESSAGE(outcome.ok(), outcome.error().line());
   REQUIRE(outcome->results.watermark.has_value());

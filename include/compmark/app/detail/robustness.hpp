@@ -185,7 +185,8 @@ COMPMARK_APP_INLINE Result<Done> RobustnessBench::read_informed(const Pictures& 
   cell.found = static_cast<std::size_t>(std::count_if(report->pictures.begin(), report->pictures.end(),
                                                       [](const InformedPicture& picture) { return picture.found; }));
   cell.informed_matches = report->report.verification.evidence.matches;
-  cell.informed_p_value = report->report.verification.p_corrected;
+  cell.informed_p_value = report->together.p_corrected;
+  cell.spread_deviations = report->spread.deviations;
   return Done{};
 }
 

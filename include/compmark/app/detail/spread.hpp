@@ -100,7 +100,7 @@ COMPMARK_APP_INLINE Result<double> SpreadReader::add(ImageView<const float> pict
 
 COMPMARK_APP_INLINE Result<SpreadMarked> mark_spread(const OwnerKey& key, const SpreadMarkSettings& settings,
                                                      ThreadExecutor& executor, const WorkObserver& observer) {
-  if (!(settings.psnr >= 30 && settings.psnr <= 80)) {
+  if (!(settings.psnr >= least_spread_psnr && settings.psnr <= largest_spread_psnr)) {
     return Error{ErrorKind::invalid,
                  {},
                  "--psnr",

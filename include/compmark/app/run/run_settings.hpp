@@ -49,6 +49,8 @@ struct MarkSettings {
   std::optional<double> orbit;         ///< share of the sampled views that orbit a training view
   std::optional<double> edits;         ///< share of the readings before which the render is edited (CommonEdits)
   std::optional<double> lost_anchors;  ///< largest share of the anchors that is left out of a reading
+  /// PSNR of a spread mark of the same key (app/spread.hpp) that is hidden in a finished model before the message, dB.
+  std::optional<double> spread;
   std::optional<std::int64_t> calibrate_steps;  ///< cadence of PosthocSettings::calibrate_steps_every
   std::int64_t message_every = 1;               ///< cadence
   bool for_compression = false;                 ///< with the noise of quantization
@@ -56,7 +58,7 @@ struct MarkSettings {
   /// unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || !decoder.empty() || !unmarked.empty() || period || tone || weight || margin ||
-           power || rate || step_rate || fidelity || fall || by_cost || orbit || edits || lost_anchors ||
+           power || rate || step_rate || fidelity || fall || by_cost || orbit || edits || lost_anchors || spread ||
            calibrate_steps || message_every != 1 || for_compression;
   }
 };

@@ -6,9 +6,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "compmark/app/any_model.hpp"
@@ -19,6 +21,7 @@
 #include "compmark/app/run/detail/embed_decoder.hpp"
 #include "compmark/app/run/detail/run_any.hpp"
 #include "compmark/app/run/embed.hpp"
+#include "compmark/app/spread.hpp"
 #include "compmark/io/splat/read_splat.hpp"
 #include "compmark/watermark/baselines/frozen_model.hpp"
 
@@ -64,6 +67,22 @@ namespace detail {
   return in_file(coded.error(), plan.model);
 }
 
+/// An error if the spread mark that plan.mark asks for cannot be hidden in a model of plan.recipe.
+[[nodiscard]] inline Result<Done> can_spread(const RunPlan& plan) {
+  if (!plan.mark.spread) return Done{};
+  if (plan.recipe == "explicit") {
+    return Error{ErrorKind::unsupported, plan.model.string(), "--spread",
+                 "is for models whose anchors have features, and splats of other programs have none",
+                 "leave the option out, or make a model of them with compmark adopt"};
+  }
+  if (*plan.mark.spread >= least_spread_psnr && *plan.mark.spread <= largest_spread_psnr) return Done{};
+  return Error{ErrorKind::invalid,
+               {},
+               "--spread",
+               "is not between 30 and 80 dB",
+               "50 is seen by nobody, and proven by one picture"};
+}
+
 /// An error if plan.mark cannot be hidden in a finished model of plan.recipe; asked before hours of work.
 [[nodiscard]] inline Result<Done> can_mark_finished(const RunPlan& plan) {
   const bool coded = is_coded_recipe(plan.recipe);
@@ -72,6 +91,7 @@ namespace detail {
   const bool exposed_loss =
       (marked != plan.recipe || plan.recipe == "explicit") && plan.mark.fidelity && *plan.mark.fidelity == 0;
   if (exposed_loss || !is_markable_recipe(plan.recipe)) return no_message_in(plan.recipe);
+  if (Result<Done> can = can_spread(plan); !can) return can.error();
   if (plan.mark.calibrate_steps && recipe_codec(plan.recipe) != std::string_view("context_gs")) {
     return Error{ErrorKind::unsupported,
                  {},
@@ -95,6 +115,40 @@ namespace detail {
           "--data",
           "is missing: only a splat file is marked without the photographs that it was trained on",
           "give the dataset of the model"};
+}
+
+/// A file that is there while a run works.
+class PassingFile {
+ public:
+  explicit PassingFile(std::filesystem::path path) : path_(std::move(path)) {}
+  PassingFile(const PassingFile&) = delete;
+  PassingFile& operator=(const PassingFile&) = delete;
+  ~PassingFile() {
+    std::error_code ignored;
+    if (!path_.empty()) std::filesystem::remove(path_, ignored);
+  }
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Writes plan.model with the spread mark of plan.mark to a file in the run's folder; no path where none is wanted. The
+/// message is then held to what that renders, so that both marks are in what the run writes. It is made anew by a run
+/// that is resumed: the same bytes, in seconds.
+[[nodiscard]] inline Result<std::unique_ptr<PassingFile>> spread_before_message(RunPlan& plan) {
+  if (!plan.mark.spread) return std::make_unique<PassingFile>(std::filesystem::path());
+  if (Result<Done> held = hold_run(plan); !held) return held.error();
+  const Result<OwnerKey> key = open_key(plan.mark.key);
+  if (!key) return key.error();
+  auto made = std::make_unique<PassingFile>(plan.out / ".spread.safetensors");
+  const SpreadMarkSettings settings{plan.model, made->path(), *plan.mark.spread};
+  const Result<SpreadMarked> marked = mark_spread(*key, settings, *plan.executor);
+  if (!marked) return in_option(marked.error(), "--spread");
+  plan.with_spread = made->path();
+  plan.notes.push_back("a spread mark of " + short_number(marked->psnr, "%.1f") +
+                       " dB is hidden first: verify --images --unmarked reads it");
+  return made;
 }
 
 /// Hides plan.mark in plan.model.
@@ -179,6 +233,7 @@ namespace detail {
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
   if (coded) settings.mark.identity += "networks of the file";  // … and as earlier versions did not train it
   if (baseline) settings.mark.identity += name_of(*plan.method);
+  if (plan.mark.spread) settings.mark.identity += "spread " + std::to_string(*plan.mark.spread);
   if (coded && own_unmarked) {
     if (Result<Done> held = hold_run(plan); !held) return held.error();
     const std::filesystem::path checkpoint = plan.out / "checkpoint.safetensors";
@@ -190,6 +245,8 @@ namespace detail {
       if (!written) return written.error();
     }
   }
+  const Result<std::unique_ptr<PassingFile>> with_spread = spread_before_message(plan);
+  if (!with_spread) return with_spread.error();
   settings = embed_settings(settings, distortion);
   if (baseline) return run_baseline(plan, settings, *mark);
   return coded ? run_any_coded(plan, settings, &*mark) : run_any_marked(plan, settings, *mark);

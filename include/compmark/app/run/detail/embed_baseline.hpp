@@ -30,11 +30,12 @@ namespace compmark::detail {
 [[nodiscard]] inline Result<Done> can_mark_by_baseline(const RunPlan& plan, bool rounds) {
   const std::string method(name_of(*plan.method));
   const MarkSettings& mark = plan.mark;
-  const std::array<std::pair<bool, const char*>, 11> others{{{mark.fidelity.has_value(), "--fidelity"},
+  const std::array<std::pair<bool, const char*>, 12> others{{{mark.fidelity.has_value(), "--fidelity"},
                                                              {mark.fall.has_value(), "--fidelity-fall"},
                                                              {mark.by_cost.has_value(), "--sample-by-loss"},
                                                              {mark.orbit.has_value(), "--orbit"},
                                                              {mark.lost_anchors.has_value(), "--lost-anchors"},
+                                                             {mark.spread.has_value(), "--spread"},
                                                              {mark.margin.has_value(), "--message-margin"},
                                                              {mark.power.has_value(), "--message-power"},
                                                              {mark.calibrate_steps.has_value(), "--calibrate-steps"},

@@ -151,7 +151,8 @@ template <class Source>
 [[nodiscard]] COMPMARK_ONCE Result<std::optional<LoadedModel<Source>>> load_source(const RunPlan& plan, bool rounded,
                                                                                    TrainSettings& wanted) {
   if (plan.model.empty()) return std::optional<LoadedModel<Source>>();
-  Result<LoadedModel<Source>> loaded = read_source<Source>(plan.model, *plan.executor);
+  Result<LoadedModel<Source>> loaded =
+      read_source<Source>(plan.with_spread.empty() ? plan.model : plan.with_spread, *plan.executor);
   if (!loaded) return loaded.error();
   for (std::size_t c = 0; c < 3; ++c) wanted.background[c] = static_cast<float>(loaded->model.render.background[c]);
   if (rounded) {

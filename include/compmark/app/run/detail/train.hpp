@@ -98,9 +98,10 @@ namespace detail {
                  : counterpart ? "leave out --unmarked: this run trains the unmarked model too"
                                : "leave out --for-compression, which is for marks that train with the scene"};
   }
-  for (const auto& [given, name] : {std::pair(chosen.mark.by_cost.has_value(), "--sample-by-loss"),
-                                    std::pair(chosen.mark.orbit.has_value(), "--orbit"),
-                                    std::pair(chosen.mark.calibrate_steps.has_value(), "--calibrate-steps")}) {
+  for (const auto& [given, name] :
+       {std::pair(chosen.mark.by_cost.has_value(), "--sample-by-loss"),
+        std::pair(chosen.mark.orbit.has_value(), "--orbit"), std::pair(chosen.mark.spread.has_value(), "--spread"),
+        std::pair(chosen.mark.calibrate_steps.has_value(), "--calibrate-steps")}) {
     if (!given) continue;
     return Error{ErrorKind::unsupported,
                  {},
