@@ -121,6 +121,7 @@ TEST_CASE("app/robustness: gradient steps through the decoder leave a spread mar
   const RobustnessCell erased = measured({Kind::pgd, "pgd_no_key:0.03"});
   CHECK(*erased.psnr < 40);
   CHECK(erased.informed_p_value < 1e-6);
+  files.settings.key = files.folder.path / "other.key";
   REQUIRE(write_key(files.settings.key, testing::small_key(2, 24)).ok());
   CHECK(measured({}).informed_p_value > 1e-3);  // another key's
 }

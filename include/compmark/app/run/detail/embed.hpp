@@ -147,7 +147,7 @@ class PassingFile {
   if (!marked) return in_option(marked.error(), "--spread");
   plan.with_spread = made->path();
   plan.notes.push_back("a spread mark of " + short_number(marked->psnr, "%.1f") +
-                       " dB is hidden first: verify --images --unmarked reads it");
+                       " dB is hidden first: verify --images PICTURES --unmarked " + plan.model.string() + " reads it");
   return made;
 }
 
