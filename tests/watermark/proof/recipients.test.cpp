@@ -9,6 +9,7 @@
 #include <cmath>
 #include <compmark/core/random.hpp>
 #include <compmark/io/owner_key.hpp>
+#include <compmark/math/binomial.hpp>
 #include <compmark/watermark/proof/recipients.hpp>
 #include <compmark/watermark/proof/report.hpp>
 #include <cstddef>

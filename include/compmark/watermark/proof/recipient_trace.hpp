@@ -20,7 +20,7 @@ struct RecipientEvidence {
 struct RecipientTrace {
   std::size_t recipients = 0;  ///< of the key
   std::size_t shared_bits = 0, shared_matches = 0;
-  double shared_p_value = 1;  ///< probability that a random key's shared bits match as well
+  double shared_p_value = 1;  ///< probability that a random key's shared bits score as high
   double copy_p_value = 1;    ///< … that a random key's message of one copy scores as high as the nearest one's
   std::size_t naming_bits = 0;
   std::size_t undecided = 0;    ///< of them: a quarter of the usual weight or less, since copies may differ there

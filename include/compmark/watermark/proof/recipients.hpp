@@ -4,9 +4,9 @@
 // Verification with a key of several recipients (recipient_code.hpp). Two questions, two null hypotheses.
 //
 // Is it the owner's? Null hypothesis: the key was drawn at random, independently of the images. Two tests share the
-// rate: of the shared bits (Binomial, as in verify.hpp), and of the whole message of the nearest copy, weighted, for N
-// copies. Both are exact, since under the mask each copy's message is as random as a key's: p = min(2 p_shared,
-// 2 N p_copy). The first survives any number of averaged copies, the second is stronger where one copy leaked.
+// rate: of the shared bits, and of the whole message of the nearest of N copies. Under the mask each copy's message is as
+// random as a key's, so that matches are fair coins, and both weighted sums (recipient_score.hpp) have exact p-values:
+// p = min(2 p_shared, 2 N p_copy). The first stays where copies are averaged, the second is stronger where one leaked.
 //
 // Whose copy is it? Null hypothesis of recipient j: he had no part, so that his word is independent of what was read.
 // p_j is exact (recipient_score.hpp), and is multiplied by N: somebody who had no part is named with a probability of at
@@ -23,7 +23,6 @@
 #include <vector>
 
 #include "compmark/core/result.hpp"
-#include "compmark/math/binomial.hpp"
 #include "compmark/watermark/proof/key.hpp"
 #include "compmark/watermark/proof/recipient_code.hpp"
 #include "compmark/watermark/proof/recipient_score.hpp"
@@ -67,7 +66,8 @@ template <RecipientKey K>
     naming.push_back(symmetric_term(0.5, weights[place]));
     trace.undecided += weights[place] <= 0.25 ? 1 : 0;
   }
-  trace.shared_p_value = binomial_tail(trace.shared_matches, trace.shared_bits);
+  const std::int64_t shared_score = detail::score_of(nobody, read, code.shared(), shared);
+  trace.shared_p_value = ScoreTail(shared)(shared_score);
   const ScoreTail tail(naming);
   const double count = static_cast<double>(key.recipients) * static_cast<double>(tries);
   std::int64_t highest = 0;
@@ -87,9 +87,8 @@ template <RecipientKey K>
   std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
   for (const auto& [score, evidence] : found) trace.named.push_back(evidence);
   // The message of the nearest copy, all of its bits.
-  const std::int64_t whole = highest + detail::score_of(nobody, read, code.shared(), shared);
   shared.insert(shared.end(), naming.begin(), naming.end());
-  trace.copy_p_value = ScoreTail(shared)(whole);
+  trace.copy_p_value = ScoreTail(shared)(highest + shared_score);
   return trace;
 }
 

@@ -129,15 +129,13 @@ void add_sources(Json& json, const ReportSources& s) {
   if (!s.interference.empty()) json["interference"] = {{"file", s.interference}, {"sha256", s.interference_sha256}};
 }
 
-/// The entry "recipients" of a report (recipients.hpp): how many there are, what the shared bits and the nearest copy's
-/// message say of the owner, and who is named.
+/// The entry "recipients" of a report: what recipients.hpp finds.
 template <class Json>
 [[nodiscard]] Json recipients_json(const RecipientTrace& trace) {
   const auto of = [](const RecipientEvidence& one) {
-    return Json{{"recipient", one.number},
-                {"matches", one.matches},
-                {"p_value", one.p_value},
-                {"p_corrected", one.p_corrected}};
+    Json json{{"recipient", one.number}, {"matches", one.matches}};
+    json["p_value"] = one.p_value, json["p_corrected"] = one.p_corrected;
+    return json;
   };
   Json json;
   json["number"] = trace.recipients;
@@ -214,16 +212,15 @@ namespace detail {
          "\ncopy        the nearest of " + std::to_string(trace.recipients) + " is that of recipient " +
          std::to_string(trace.nearest.number) + ": " + std::to_string(v.evidence.matches) + " of all " +
          std::to_string(v.bits) + " bits, p " + short_number(trace.copy_p_value) +
-         " for this one, bits weighted by how clearly they are read\np-value     " + short_number(v.evidence.p_value) +
+         " for this one; bits count by how clearly they are read\np-value     " + short_number(v.evidence.p_value) +
          ": so likely a key drawn at random, without knowing the images and the decoder, would match at least as well,"
          " by its shared bits or by any copy's message\n";
 }
 /// Whose copy it is.
 [[nodiscard]] inline std::string recipient_lines(const Verification& v) {
-  const RecipientTrace& trace = *v.recipients;
-  const std::string rate = short_number(trace.rate);
   if (v.verdict != Verdict::detected) return "recipient   nobody is named where the owner's mark is not detected\n";
-  std::string text;
+  const RecipientTrace& trace = *v.recipients;
+  std::string text, rate = short_number(trace.rate);
   for (const RecipientEvidence& one : trace.named) {
     text += "recipient   " + std::to_string(one.number) + ": " + std::to_string(one.matches) + " of the " +
             std::to_string(trace.naming_bits) + " bits that name recipients, p " + short_number(one.p_value) +
