@@ -6,8 +6,6 @@
 
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/owner_key.hpp>
-#include <compmark/io/safetensors.hpp>
-#include <compmark/watermark/decoder/lattice_file.hpp>
 #include <compmark/watermark/proof/key.hpp>
 #include <cstddef>
 #include <filesystem>
@@ -35,7 +33,7 @@ const fs::path& scratch() {
 }
 std::string at(const std::string& name) { return (scratch() / name).string(); }
 
-/// The built-in scene, small, unmarked; a key of 48 bits for ten recipients, and a decoder that nobody trained.
+/// The built-in scene, small, unmarked; a key of 48 bits for ten recipients, and a decoder that is fitted to it.
 const std::string& unmarked() {
   static const std::string model = [] {
     OwnerKey key = testing::fixed_key(4, 48);
@@ -45,11 +43,10 @@ const std::string& unmarked() {
     key.recipients = 10;
     REQUIRE(write_key(at("other.key"), key).ok());
     REQUIRE(write_key(at("plain.key"), testing::fixed_key(4, 48)).ok());
-    REQUIRE(
-        write_lattice<SafetensorsWriter>(testing::untrained_colours(48), "a test", fs::path(at("decoder.safetensors")))
-            .ok());
     done("scene --out " + at("scene") + " --width 96 --height 80 --train 12 --test 4");
-    done("train --voxel-size 0.2 --effects none --iterations 600 --data " + at("scene") + " --out " + at("plain"));
+    done("train --voxel-size 0.05 --effects none --iterations 800 --data " + at("scene") + " --out " + at("plain"));
+    done("fit --bits 48 --features 144 --views 300 --gradient-views 6 --data " + at("scene") + " --model " +
+         at("plain/model.safetensors") + " --out " + at("decoder.safetensors"));
     return at("plain/model.safetensors");
   }();
   return model;
@@ -115,6 +112,8 @@ TEST_CASE("tool: whose copy leaked is told from its renders; of two that are ave
   done("attack --model " + copy_for(1) + " --average " + copy_for(2) + " --out " + at("mixed.safetensors"));
   const nlohmann::json mixed = report(at("mixed.safetensors"));
   CHECK(mixed["verdict"] == "detected");
+  CHECK(mixed["recipients"]["shared"]["matches"].get<int>() >= 23);
+  CHECK(mixed["recipients"]["naming"]["undecided"].get<int>() >= 6);
   for (const nlohmann::json& named : mixed["recipients"]["named"]) CHECK(named["recipient"].get<int>() <= 2);
   // Negative controls: another key, and what nobody marked.
   for (const auto& [model, key] :
