@@ -18,6 +18,7 @@
 #include "evaluation.hpp"
 #include "reading.hpp"
 #include "run_folder.hpp"
+#include "run_options.hpp"
 
 namespace tool {
 namespace {
@@ -69,6 +70,7 @@ Command add_evaluate(Options& app) {
             "unmarked counterparts, to measure the cost of the mark: one for all models, or one "
             "for each --model in their order");
   app.reads("--key", input.key, InputKind::key, "owner's key; its message is read from the renders");
+  add_recipient(app, input.recipient);
   app.reads("--decoder", input.decoder, InputKind::decoder, reading_decoder_text);
   app.reads(
       "--interference", input.interference, InputKind::interference,

@@ -3,6 +3,7 @@
 #include "key_making.hpp"
 
 #include <array>
+#include <compmark/watermark/proof/recipient_code.hpp>
 #include <compmark/watermark/proof/verify.hpp>
 #include <ctime>
 
@@ -37,6 +38,12 @@ Result<std::string> make_dated_key(KeySettings settings) {
           key.created + "\ncommitment  " + key.commitment() + "\n";
   if (key.corrects != 0)
     text += "payload     " + key.payload + ", up to " + std::to_string(key.corrects) + " wrong bits corrected\n";
+  if (key.recipients != 0) {
+    text += "recipients  " + std::to_string(key.recipients) + ", 1 to " + std::to_string(key.recipients) + ": " +
+            std::to_string(shared_bits(key.bits)) + " bits are in every copy, " +
+            std::to_string(key.bits - shared_bits(key.bits)) +
+            " name the recipient; mark each copy with its number, embed --recipient J\n";
+  }
   text += "next: compmark claim --key " + settings.out.string() +
           (settings.decoder.empty() ? "" : " --decoder " + settings.decoder.string()) + " --out " +
           settings.out.string() +

@@ -41,9 +41,12 @@ Command add_keygen(Options& app) {
            " evidence stays the same");
   app.number("--corrects", options->corrects, WholeRange{1, 128}, "wrong bits that the code of the payload corrects")
       ->capture_default_str();
+  app.number("--recipients", options->recipients, WholeRange{2, OwnerKey::recipients_limit},
+             "copies that have messages of their own: half of the bits are the same in all and prove the owner, the"
+             " others name whose copy leaked; mark each with embed --recipient J (at most 16,777 with 48 bits)");
   app.reads("--from", options->from, InputKind::key,
             "use the secret of this key: one key then reads the payloads of all, but see "
-            "docs/verification.md");
+            "docs/verification.md; or, with --recipients, a key of more recipients");
   app.reads("--decoder", options->decoder, InputKind::decoder,
             "bind the key to this decoder: its marks are read with this file alone, and a decoder of your own is then a"
             " proof as those are that come with the program");

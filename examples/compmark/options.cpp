@@ -51,6 +51,7 @@ struct GroupedOption {
 };
 constexpr GroupedOption grouped_options[] = {
     {"--key", message_group},           {"--decoder", message_group},
+    {"--recipient", message_group},     {"--recipient-alpha", message_group},
     {"--fidelity", message_group},      {"--mark-iterations", message_group},
     {"--unmarked", message_group},      {"--for-compression", message_group},
     {"--bits", message_group},          {"--distortion", message_group},

@@ -41,9 +41,15 @@ void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up) {
       });
 }
 
+void add_recipient(Options& app, std::size_t& recipient) {
+  app.number("--recipient", recipient, WholeRange{0, OwnerKey::recipients_limit},
+             "whose copy it is, for a key that was made with keygen --recipients (1 to their number)");
+}
+
 void add_mark_options(Options& app, MarkSettings& options, bool required) {
   CLI::Option* key =
       app.reads("--key", options.key, InputKind::key, "the owner's key (compmark keygen), whose message is hidden");
+  add_recipient(app, options.recipient);
   app.reads_or(fitted_decoder_word, "--decoder", options.decoder, InputKind::decoder,
                "the message decoder: a file, or the word fit: one is fitted to the scene, as compmark fit does, and "
                "written to --out; its marks are the least visible ones, and most edits of a picture remove them "

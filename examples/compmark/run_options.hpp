@@ -26,7 +26,10 @@ void add_finished_model_options(Options& app, compmark::RunSettings& run, RunOpt
 /// --up, of splats that are looked at without cameras of their own.
 void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up);
 
-/// --bits, --key, --decoder, --period, --tone, --unmarked, --message-weight, --message-margin, --message-power,
+/// --recipient, of a key with recipients.
+void add_recipient(Options& app, std::size_t& recipient);
+
+/// --bits, --key, --recipient, --decoder, --period, --tone, --unmarked, --message-weight, --message-margin, --message-power,
 /// --message-rate, --step-rate, --fidelity, --fidelity-fall, --sample-by-loss, --orbit, --calibrate-steps, --message-every, --for-compression
 void add_mark_options(Options& app, compmark::MarkSettings& options, bool required);
 

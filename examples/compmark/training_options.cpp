@@ -234,6 +234,7 @@ void bind_options(Options& app, FitCodecOptions& options) {
   app.reads("--key", options.settings.mark.key, InputKind::key,
             "owner's key of a marked model; its message is read from the fitted model and from "
             "its file");
+  add_recipient(app, options.settings.mark.recipient);
   app.reads("--decoder", options.settings.mark.decoder, InputKind::decoder, reading_decoder_text);
   app.reads("--unmarked", options.settings.mark.unmarked, InputKind::model,
             "the unmarked counterpart, a model or its .cmk, to measure the cost of the mark and "

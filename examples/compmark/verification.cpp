@@ -19,6 +19,9 @@ void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& opti
   app.number("--alpha", options->alpha, RealRange{0, 1, true},
              "false-positive rate you accept; choose it before you look")
       ->capture_default_str();
+  app.number("--recipient-alpha", options->recipient_alpha, RealRange{0, 1, true},
+             "of a key with recipients: rate you accept of naming anybody who had no part, all recipients together")
+      ->capture_default_str();
   app.number("--tests", options->tests, WholeRange{1, 1'000'000'000'000'000},
              "number of tests in all: keys times crops times models; the p-value is multiplied by "
              "it")
@@ -38,6 +41,7 @@ Result<Verified> verify_by(const VerifyOptions& options, const ComparedObserver&
   VerifySettings settings;
   settings.false_positive_rate = options.alpha;
   settings.tries = options.tests;
+  settings.recipient_rate = options.recipient_alpha;
   if (const Result<Done> checked = check_settings(settings); !checked) return checked.error();
   Result<OwnerKey> key = load_key(options.key);
   if (!key) return key.error();
@@ -75,6 +79,8 @@ Result<Verified> verify_by(const VerifyOptions& options, const ComparedObserver&
   if (!basis) return basis.error();
   verified.basis = std::move(*basis);
   verified.standing = standing_of(verified.verdict, verified.basis);
+  // Whose bits are shown beside what was read.
+  if (const auto& trace = verified.verdict.recipients) verified.key.recipient = trace->nearest.number;
   if (verified.key.corrects != 0) verified.payload = payload_text(verified.key, verified.report.verification.read);
   return verified;
 }

@@ -27,6 +27,7 @@ struct VerifyOptions {
   bool any_decoder = false;
   bool mirrored = false;
   double alpha = 1e-6;
+  double recipient_alpha = compmark::VerifySettings{}.recipient_rate;
   std::uint64_t tests = 1;
 };
 
@@ -41,7 +42,7 @@ struct Verified {
   std::optional<PayloadText> payload;
 };
 
-/// --key, those of a reading, --alpha, --tests, --mirrored, --claim, --time-stamp, --any-decoder
+/// --key, those of a reading, --alpha, --recipient-alpha, --tests, --mirrored, --claim, --time-stamp, --any-decoder
 void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& options);
 
 /// Verifies as the options say. `compared` is told of every picture whose camera an informed reading found.

@@ -138,7 +138,9 @@ TEST_CASE("io/owner_key: damaged files are refused with one line that does not t
   for (const char* field : {"format", "version", "secret", "created", "bits", "commitment", "id"})
     refused(field, [&](nlohmann::json& json) { json.erase(field); });
   refused("format", [](nlohmann::json& json) { json["format"] = "something"; });
-  refused("version", [](nlohmann::json& json) { json["version"] = 4; });
+  refused("version", [](nlohmann::json& json) { json["version"] = 5; });
+  refused("recipients", [](nlohmann::json& json) { json["version"] = 4; });
+  refused("recipients", [](nlohmann::json& json) { json["recipients"] = 10; });
   refused("version", [](nlohmann::json& json) { json["version"] = 0; });
   refused("hardness", [](nlohmann::json& json) { json["version"] = 2; });
   refused("hardness", [](nlohmann::json& json) { json["hardness"] = 10; });
@@ -172,6 +174,50 @@ TEST_CASE("io/owner_key: damaged files are refused with one line that does not t
   CHECK(other_length.error().field == "bits");
   CHECK_FALSE(make_key(some_secret(), "2026-01-31", 48).ok());
   CHECK_FALSE(make_key(some_secret(), "2026-01-31T23:59:59Z", 0).ok());
+}
+
+TEST_CASE("io/owner_key: a key with recipients says how many, and its commitment binds the number") {
+  const TemporaryFolder folder;
+  const fs::path bad = folder.path() / "bad.key";
+  OwnerKey quick = some_key(), hard = *make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "", 10),
+           bound = *make_bound_key(some_secret(), std::string(64, 'a'), "2026-01-31T23:59:59Z", 48, "", 10);
+  for (OwnerKey* key : {&quick, &hard, &bound}) {
+    const std::string before = key->commitment();
+    const Digest256 root = key->root;
+    key->recipients = 100;
+    CHECK(key->version() == 4);
+    CHECK(key->commitment() != before);
+    const fs::path path = folder.path() / (key->id() + ".key");
+    REQUIRE(write_key(path, *key).ok());
+    const Result<OwnerKey> read = read_key(path, 48);
+    REQUIRE(read.ok());
+    CHECK(read->recipients == 100);
+    CHECK(read->recipient == 0);
+    CHECK(read->root == root);
+    CHECK(read->decoder == key->decoder);
+    CHECK(read->commitment() == key->commitment());
+    const auto refused = [&](const std::string& field, const std::function<void(nlohmann::json&)>& damage) {
+      nlohmann::json json = *read_json(path);
+      damage(json);
+      REQUIRE(write_json(bad, json).ok());
+      const Result<OwnerKey> damaged = read_key(bad);
+      CAPTURE(field);
+      REQUIRE_FALSE(damaged.ok());
+      CHECK(damaged.error().field == field);
+      CHECK_FALSE(damaged.error().remedy.empty());
+    };
+    refused("commitment", [](nlohmann::json& json) { json["recipients"] = 101; });
+    refused("recipients", [](nlohmann::json& json) { json["recipients"] = 1; });
+    refused("recipients", [](nlohmann::json& json) { json["recipients"] = 100'001; });
+    refused("recipients", [](nlohmann::json& json) { json["recipients"] = "many"; });
+    refused("recipients", [](nlohmann::json& json) { json.erase("recipients"); });
+    refused("payload", [](nlohmann::json& json) { json["payload"] = {{"hex", "5eed"}, {"corrects", 4}}; });
+  }
+  // The hash that the documentation says.
+  std::string text = "compmark/commitment/v4";
+  for (const std::byte value : some_secret()) text += static_cast<char>(value);
+  text += std::string("\0\0\0\x30\0\0\0\0\0\0\0\x0a\0\0\0\x64", 16) + std::string(64, 'a') + "2026-01-31T23:59:59Z";
+  CHECK(bound.commitment() == Sha256{}.update(bytes_of(text)).hex());
 }
 
 TEST_CASE("io/owner_key: a key of version 2 derives through scrypt, and is another one at another hardness") {

@@ -30,6 +30,7 @@ struct CompareSettings {
   /// is compared with what the same codec makes of the unmarked one. One may be among the models.
   std::vector<std::filesystem::path> unmarked;
   std::filesystem::path key, decoder;  ///< whose message is read, and by what; both or none
+  std::size_t recipient = 0;           ///< whose copy the model is, where the key has recipients
   std::filesystem::path interference;  ///< file of what the scene says by itself, which is subtracted; may be empty
   std::filesystem::path data;
   Split split = Split::test;

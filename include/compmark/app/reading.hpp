@@ -31,8 +31,11 @@ namespace compmark {
 /// Any decoder file, with the fast convolution.
 using FileDecoder = StoredDecoder<float, WinogradOrDirect>;
 
-/// Reads a key file and checks its payload.
+/// Reads a key file and checks its payload, or its number of recipients.
 [[nodiscard]] Result<OwnerKey> open_key(const std::filesystem::path& path);
+/// The key, read from `path`, with the recipient whose copy is meant (OwnerKey::recipient); 0: none is named. Error: a
+/// key with recipients and none of them is named, or another than it has.
+[[nodiscard]] Result<OwnerKey> for_recipient(OwnerKey key, const std::filesystem::path& path, std::size_t recipient);
 /// Reads a decoder file. With a key: the decoder of the key's message length, or an error; a carrier file needs the
 /// key.
 [[nodiscard]] Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key);

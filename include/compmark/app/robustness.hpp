@@ -30,6 +30,7 @@ namespace compmark {
 struct RobustnessSettings {
   std::filesystem::path model;  ///< marked
   std::filesystem::path key, decoder;
+  std::size_t recipient = 0;       ///< whose copy the model is, where the key has recipients
   std::filesystem::path unmarked;  ///< for informed reading, and averaging with it; may be empty
   std::filesystem::path pictures;  ///< folder for the pictures that informed reading reads; they stay there
   std::size_t views = 8;           ///< read blind, evenly spaced among the cameras of the test; 0: all

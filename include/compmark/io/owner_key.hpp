@@ -26,9 +26,9 @@ namespace compmark {
 
 namespace detail {
 /// All but the checksum. Another name is one that was damaged.
-inline constexpr std::array<std::string_view, 12> key_fields{"format", "version",    "id",       "created",
-                                                             "bits",   "derivation", "hardness", "commitment",
-                                                             "secret", "note",       "payload",  "decoder"};
+inline constexpr std::array<std::string_view, 13> key_fields{"format",     "version",  "id",         "created", "bits",
+                                                             "derivation", "hardness", "commitment", "secret",  "note",
+                                                             "payload",    "decoder",  "recipients"};
 
 /// The checksum of all fields of a JSON object but its own, whatever their order and layout.
 template <class Json>
@@ -48,9 +48,10 @@ namespace detail {
 /// For whoever reads the file without this program.
 [[nodiscard]] inline std::string derivation_text(const OwnerKey& key) {
   const std::string last = "HKDF-SHA-256, salt \"compmark\", info = label of the purpose";
-  if (key.version() == 1) return last;
-  return std::string("scrypt (RFC 7914) of the secret") + (key.version() == 3 ? " and the decoder's 32 bytes" : "") +
-         ", salt \"compmark/key/v" + std::to_string(key.version()) + "\", N = 2^hardness, r = 8, p = 1; then " + last;
+  if (key.hardness == 0) return last;
+  const bool bound = !key.decoder.empty();
+  return std::string("scrypt (RFC 7914) of the secret") + (bound ? " and the decoder's 32 bytes" : "") +
+         ", salt \"compmark/key/" + (bound ? "v3" : "v2") + "\", N = 2^hardness, r = 8, p = 1; then " + last;
 }
 }  // namespace detail
 
@@ -73,6 +74,7 @@ template <class Json = nlohmann::ordered_json>
             {"secret", to_hex(key.secret)}};
   if (key.hardness != 0) json["hardness"] = key.hardness;
   if (!key.decoder.empty()) json["decoder"] = key.decoder;
+  if (key.recipients != 0) json["recipients"] = key.recipients;
   if (!key.note.empty()) json["note"] = key.note;
   if (key.corrects != 0) json["payload"] = {{"hex", key.payload}, {"corrects", key.corrects}};
   json[std::string(checksum_key)] = detail::fields_checksum(json);
@@ -101,11 +103,11 @@ template <class Json = nlohmann::json>
   const Result<std::int64_t> written = json_field<std::int64_t>(*json, "version", file);
   if (!written) return written.error();
   if (*written < 1 || *written > OwnerKey::newest_version) {
-    return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*written) + ", this program reads 1 to 3",
+    return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*written) + ", this program reads 1 to 4",
                 "use the program that wrote it, or a newer one");
   }
   std::size_t hardness = 0;
-  if (*written >= 2) {
+  if (*written == 2 || *written == 3 || (*written == 4 && json->contains("hardness"))) {
     const Result<std::size_t> number = json_field<std::size_t>(*json, "hardness", file);
     if (!number) return number.error();
     if (*number < OwnerKey::least_hardness || *number > OwnerKey::largest_hardness)
@@ -116,14 +118,30 @@ template <class Json = nlohmann::json>
   }
   std::string decoder;
   Digest256 decoder_digest{};
-  if (*written == 3) {
+  if (*written == 3 || (*written == 4 && json->contains("decoder"))) {
     const Result<std::string> digits = json_field<std::string>(*json, "decoder", file);
     if (!digits) return digits.error();
     if (digits->size() != 64 || !from_hex(*digits, decoder_digest) || to_hex(decoder_digest) != *digits)
       return fail(ErrorKind::malformed, "decoder", "is no SHA-256", "restore the file from a copy");
+    if (hardness == 0)
+      return fail(ErrorKind::malformed, "decoder", "is no field of a quick key", "restore the file from a copy");
     decoder = *digits;
   } else if (json->contains("decoder")) {
     return fail(ErrorKind::malformed, "decoder", "is no field of a key below version 3",
+                "restore the file from a copy");
+  }
+  std::size_t recipients = 0;
+  if (*written == 4) {
+    const Result<std::size_t> number = json_field<std::size_t>(*json, "recipients", file);
+    if (!number) return number.error();
+    if (*number < 2 || *number > OwnerKey::recipients_limit)
+      return fail(ErrorKind::invalid, "recipients", "is out of range", "restore the file from a copy");
+    if (json->contains("payload"))
+      return fail(ErrorKind::malformed, "payload", "is no field of a key of recipients",
+                  "restore the file from a copy");
+    recipients = *number;
+  } else if (json->contains("recipients")) {
+    return fail(ErrorKind::malformed, "recipients", "is no field of a key below version 4",
                 "restore the file from a copy");
   }
   const Result<std::string> secret = json_field<std::string>(*json, "secret", file);
@@ -165,6 +183,7 @@ template <class Json = nlohmann::json>
   }
   key->hardness = static_cast<unsigned>(hardness);
   key->decoder = std::move(decoder);
+  key->recipients = recipients;
   for (const auto& [name, expected] : {std::pair<std::string, std::string>{"commitment", key->commitment()},
                                        std::pair<std::string, std::string>{"id", key->id()}}) {
     const Result<std::string> stored = json_field<std::string>(*json, name, file);
@@ -190,7 +209,7 @@ template <class Json = nlohmann::json>
         "use a key and a decoder of one message length");
   }
   // Last: a damaged file costs no derivation.
-  if (*written == 3)
+  if (!key->decoder.empty())
     detail::derive_bound_root(*key, decoder_digest);
   else if (hardness != 0)
     scrypt(key->secret, bytes_of("compmark/key/v2"), ScryptCost{key->hardness, 8, 1}, key->root);

@@ -6,9 +6,11 @@
 // From version 2 on scrypt comes first, 0.6 s and 128 MiB a key: of others, millions a second can be tried until one
 // fits a picture (docs/threat_model.md). A key of version 3 is bound to the file of one decoder: its SHA-256 goes into
 // scrypt with the secret, so that nobody can make a decoder that says the key's message: another file, another message.
+// A key of version 4 has recipients, whose copies have messages of their own (watermark/proof/recipient_code.hpp), and is
+// bound to a decoder or not.
 // The commitment binds secret, creation time and message length, from version 2 on hardness and payload too, in version
-// 3 the decoder, and reveals no secret: published before a model is, it shows later that the key is not one made to fit
-// (docs/spec/watermark.md, 5). The file of a key is io/owner_key.hpp.
+// 3 the decoder, in version 4 the number of recipients, and reveals no secret: published before a model is, it shows
+// later that the key is not one made to fit (docs/spec/watermark.md, 5). The file of a key is io/owner_key.hpp.
 #pragma once
 
 #include <algorithm>
@@ -27,26 +29,33 @@ namespace compmark {
 
 struct OwnerKey {
   static constexpr std::string_view format = "compmark-key";
-  static constexpr std::int64_t newest_version = 3;
+  static constexpr std::int64_t newest_version = 4;
   static constexpr unsigned least_hardness = 10, usual_hardness = 17, largest_hardness = 20;
   static constexpr std::size_t bits_limit = 128;
   static constexpr std::size_t note_limit = 1000;
+  static constexpr std::size_t recipients_limit = 100'000;  ///< fewer with short messages (recipient_code.hpp)
 
   Digest256 secret{};
-  std::string created;       ///< UTC, "2026-01-31T23:59:59Z"
-  std::size_t bits = 0;      ///< length of the message
-  std::string note{};        ///< for the owner, no part of the commitment
-  std::string payload{};     ///< payload of the message, hexadecimal (watermark/proof/key.hpp); empty: none
-  std::size_t corrects = 0;  ///< wrong bits that the code of the payload corrects; 0: no payload
-  unsigned hardness = 0;     ///< log2 of scrypt's N, by which keys from version 2 on derive; 0: a key of version 1
-  Digest256 root{};          ///< of scrypt, in keys from version 2 on (make_hard_key, make_bound_key)
-  std::string decoder{};     ///< SHA-256 of the decoder's file that a key of version 3 is bound to, 64 digits
+  std::string created;         ///< UTC, "2026-01-31T23:59:59Z"
+  std::size_t bits = 0;        ///< length of the message
+  std::string note{};          ///< for the owner, no part of the commitment
+  std::string payload{};       ///< payload of the message, hexadecimal (watermark/proof/key.hpp); empty: none
+  std::size_t corrects = 0;    ///< wrong bits that the code of the payload corrects; 0: no payload
+  unsigned hardness = 0;       ///< log2 of scrypt's N, by which keys from version 2 on derive; 0: a key of version 1
+  Digest256 root{};            ///< of scrypt, in keys from version 2 on (make_hard_key, make_bound_key)
+  std::string decoder{};       ///< SHA-256 of the decoder's file that the key is bound to (version 3 or 4), 64 digits
+  std::size_t recipients = 0;  ///< how many copies have messages of their own; 0: one message, and no recipients
+  std::size_t recipient = 0;   ///< whose copy is meant, 1 to recipients; 0: nobody's. No part of the file
 
-  [[nodiscard]] std::int64_t version() const { return hardness == 0 ? 1 : decoder.empty() ? 2 : 3; }
+  [[nodiscard]] std::int64_t version() const {
+    return recipients != 0 ? 4 : hardness == 0 ? 1 : decoder.empty() ? 2 : 3;
+  }
   /// SHA-256 of a label, the secret, the message length (4 bytes, highest first) and the creation time; with a payload,
   /// of another label, secret, length, `corrects` (4 bytes), the creation time and the payload's digits. Of a key of
   /// version 2: a third label, secret, length, `corrects`, `hardness` (4 bytes), creation time and digits. Of version 3:
-  /// a fourth label, the same, and the decoder's 64 digits before the creation time. May be published.
+  /// a fourth label, the same, and the decoder's 64 digits before the creation time. Of version 4: a fifth label, secret,
+  /// length, `corrects`, `hardness`, `recipients` (4 bytes), the decoder's digits if there is one, creation time and
+  /// digits. May be published.
   [[nodiscard]] std::string commitment() const {
     const auto number = [](std::size_t value) {
       std::array<std::byte, 4> bytes{};
@@ -54,6 +63,10 @@ struct OwnerKey {
       return bytes;
     };
     const std::array<std::byte, 4> length = number(bits), errors = number(corrects);
+    if (version() == 4) {
+      return to_hex(sha256_digest({bytes_of("compmark/commitment/v4"), secret, length, errors, number(hardness),
+                                   number(recipients), bytes_of(decoder), bytes_of(created), bytes_of(payload)}));
+    }
     if (version() == 3) {
       return to_hex(sha256_digest({bytes_of("compmark/commitment/v3"), secret, length, errors, number(hardness),
                                    bytes_of(decoder), bytes_of(created), bytes_of(payload)}));

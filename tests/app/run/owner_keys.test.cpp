@@ -5,6 +5,8 @@
 #include <compmark/app/files.hpp>
 #include <compmark/app/reading.hpp>
 #include <compmark/app/run/owner_keys.hpp>
+#include <compmark/watermark/proof/key.hpp>
+#include <cstddef>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -99,4 +101,75 @@ TEST_CASE("app/run/owner_keys: a key is made once, moved aside on request, and i
   REQUIRE(open_private_key(settings.out, warn).ok());
   REQUIRE(told.size() == 1);
   CHECK(told[0].find("chmod 600") != std::string::npos);
+}
+
+TEST_CASE("app/run/owner_keys: a key with recipients, more of them under its secret, and whose copy is meant") {
+  using namespace compmark;
+  const testing::ScratchFolder folder("compmark-run-recipients");
+  KeySettings settings;
+  settings.out = folder.path / "ten.key";
+  settings.created = "2026-01-31T23:59:59Z";
+  settings.hardness = 10;
+  settings.recipients = 10;
+  const Result<MadeKey> ten = make_key_file(settings);
+  REQUIRE(ten.ok());
+  CHECK(ten->key.recipients == 10);
+  const Result<OwnerKey> read = open_key(settings.out);
+  REQUIRE(read.ok());
+  CHECK(read->recipients == 10);
+  const Result<OwnerKey> fourth = for_recipient(*read, settings.out, 4);
+  REQUIRE(fourth.ok());
+  CHECK(fourth->recipient == 4);
+  for (const std::size_t none : {0u, 11u}) {
+    const Result<OwnerKey> wrong = for_recipient(*read, settings.out, none);
+    REQUIRE_FALSE(wrong.ok());
+    CHECK(wrong.error().field == "--recipient");
+    CHECK(wrong.error().file == settings.out.string());
+    CHECK(wrong.error().remedy.find("1 to 10") != std::string::npos);
+  }
+  KeySettings more = settings;
+  more.from = settings.out;
+  more.out = folder.path / "more.key";
+  more.recipients = 50;
+  const Result<MadeKey> fifty = make_key_file(more);
+  REQUIRE(fifty.ok());
+  OwnerKey before = *fourth, after = fifty->key;
+  after.recipient = 4;
+  CHECK(message_of(after) == message_of(before));
+  CHECK(after.commitment() != before.commitment());
+
+  KeySettings plain = settings;
+  plain.out = folder.path / "plain.key";
+  plain.recipients = 0;
+  const Result<MadeKey> without = make_key_file(plain);
+  REQUIRE(without.ok());
+  CHECK(for_recipient(without->key, plain.out, 0).ok());
+  CHECK_FALSE(for_recipient(without->key, plain.out, 1).ok());
+  const auto refused = [&](const char* field, KeySettings wrong) {
+    wrong.out = folder.path / "none.key";
+    const Result<MadeKey> made = make_key_file(wrong);
+    REQUIRE_FALSE(made.ok());
+    CHECK(made.error().field == field);
+    CHECK_FALSE(std::filesystem::exists(wrong.out));
+  };
+  KeySettings wrong = settings;
+  wrong.bits = 16;
+  refused("--recipients", wrong);
+  wrong = settings;
+  wrong.recipients = 16778;
+  refused("--recipients", wrong);
+  wrong = settings;
+  wrong.payload = "5eed";
+  refused("--payload", wrong);
+  wrong = more;
+  wrong.recipients = 10;  // as many as there are
+  refused("--from", wrong);
+  wrong.recipients = 0;
+  refused("--from", wrong);
+  wrong.recipients = 50;
+  wrong.bits = 64;
+  refused("--bits", wrong);
+  wrong.bits = 48;
+  wrong.from = plain.out;
+  refused("--from", wrong);
 }

@@ -24,7 +24,7 @@
 #include "compmark/math/area_resize.hpp"
 #include "compmark/math/mirror.hpp"
 #include "compmark/watermark/decoder/subject_box.hpp"
-#include "compmark/watermark/proof/key.hpp"
+#include "compmark/watermark/proof/recipients.hpp"
 
 namespace compmark {
 namespace detail {
@@ -253,7 +253,7 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   result.spread = spread_evidence(signs, all);
   VerifySettings twice = settings;
   twice.tries *= 2;
-  Result<Verification> message = verify_message(message_of(key), result.report.views, twice);
+  Result<Verification> message = verify_key(key, result.report.views, twice);
   if (!message) return message.error();
   result.report.verification = std::move(*message);
   result.together = both_verdicts(result.report.verification, result.spread);

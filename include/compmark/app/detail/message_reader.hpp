@@ -43,7 +43,8 @@ struct MessageReader {
                  "is missing",
                  "--key and --decoder are needed together to read a message"};
   }
-  const Result<OwnerKey> key = open_key(settings.key);
+  Result<OwnerKey> key = open_key(settings.key);
+  if (key) key = for_recipient(*key, settings.key, settings.recipient);
   if (!key) return key.error();
   Result<FileDecoder> decoder = open_decoder(settings.decoder, &*key);
   if (!decoder) return decoder.error();

@@ -152,11 +152,35 @@ COMPMARK_APP_INLINE Result<ViewLogits> read_render(AnyModel& model, const Stored
 COMPMARK_APP_INLINE Result<OwnerKey> open_key(const std::filesystem::path& path) {
   Result<OwnerKey> key = read_key(path);
   if (!key) return key;
-  if (Result<Done> fits = check_payload(*key); !fits) {
+  const Result<Done> fits = key->recipients == 0 ? check_payload(*key) : check_recipients(key->bits, key->recipients);
+  if (!fits) {
     Error error = fits.error();
     error.file = path.string();
     return error;
   }
+  return key;
+}
+
+COMPMARK_APP_INLINE Result<OwnerKey> for_recipient(OwnerKey key, const std::filesystem::path& path,
+                                                   std::size_t recipient) {
+  if (key.recipients == 0 && recipient == 0) return key;
+  const std::string count = std::to_string(key.recipients);
+  const auto wrong = [&](std::string problem, std::string remedy) {
+    return Error{ErrorKind::invalid, path.string(), "--recipient", std::move(problem), std::move(remedy)};
+  };
+  if (key.recipients == 0) {
+    return wrong("is " + std::to_string(recipient) + ", and this key has no recipients",
+                 "leave it out, or make a key with compmark keygen --recipients N");
+  }
+  if (recipient == 0) {
+    return wrong("is missing or 0: this key has messages for the copies of " + count + " recipients",
+                 "give the recipient of this copy, --recipient 1 to " + count);
+  }
+  if (recipient > key.recipients) {
+    return wrong("is " + std::to_string(recipient) + ", and this key has " + count + " recipients",
+                 "give 1 to " + count + ", or make a key of more recipients with compmark keygen --from");
+  }
+  key.recipient = recipient;
   return key;
 }
 

@@ -47,7 +47,8 @@ COMPMARK_APP_INLINE Result<RobustnessBench> RobustnessBench::open(const Robustne
                                                                   ThreadExecutor& executor) {
   RobustnessBench bench;
   bench.settings_ = settings;
-  const Result<OwnerKey> key = open_key(settings.key);
+  Result<OwnerKey> key = open_key(settings.key);
+  if (key) key = for_recipient(*key, settings.key, settings.recipient);
   if (!key) return key.error();
   bench.key_ = *key;
   Result<FileDecoder> decoder = open_decoder(settings.decoder, &bench.key_);

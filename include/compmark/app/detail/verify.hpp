@@ -8,7 +8,7 @@
 
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/app/verify.hpp"
-#include "compmark/watermark/proof/key.hpp"
+#include "compmark/watermark/proof/recipients.hpp"
 
 namespace compmark {
 
@@ -18,7 +18,7 @@ COMPMARK_APP_INLINE Result<VerificationReport> verify_files(const OwnerKey& key,
   if (const Result<Done> checked = check_settings(settings); !checked) return checked.error();
   Result<Reading> read = read_messages(reading, key, executor, observer);
   if (!read) return read.error();
-  Result<Verification> verification = verify_message(message_of(key), read->views, settings);
+  Result<Verification> verification = verify_key(key, read->views, settings);
   if (!verification) return verification.error();
   return VerificationReport{std::move(read->sources), std::move(read->views), std::move(*verification)};
 }

@@ -6,6 +6,7 @@
 // reading with another decoder gives an error, because it would not find a message that is there.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -29,6 +30,7 @@ struct MarkRecord {
   RecordedFile decoder;
   std::string decoder_tensors;       ///< tensors_sha256
   std::vector<RecordedFile> models;  ///< that hold the mark
+  std::size_t recipient = 0;         ///< whose copy they are; 0: the key has no recipients
 };
 
 /// The marks of a record, and the lines (from 1) that are none or were damaged. Each carries a checksum of its fields.

@@ -24,7 +24,8 @@ struct KeySettings {
   std::string created;            ///< when, as in "2026-01-31T23:59:59Z"; the library has no clock
   std::string payload;            ///< identifier in the message, hexadecimal digits; may be empty
   std::size_t corrects = 4;       ///< wrong bits that the code of the payload corrects
-  std::filesystem::path from;     ///< key whose secret is used again, for another payload; empty: a new secret
+  std::size_t recipients = 0;     ///< copies with messages of their own (recipient_code.hpp); 0: one message
+  std::filesystem::path from;     ///< key whose secret is used again, for another payload or more recipients; or empty
   std::filesystem::path decoder;  ///< file of the decoder that the key is bound to (make_bound_key); empty: none
   unsigned hardness = OwnerKey::usual_hardness;  ///< of scrypt (make_hard_key); 0: a key of version 1
   bool force = false;                            ///< move a key that is there to FILE.<id>.old

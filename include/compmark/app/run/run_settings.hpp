@@ -33,6 +33,7 @@ struct RunSettings {
 struct MarkSettings {
   std::size_t bits = 0;           ///< length of the message, checked against the key's; 0: the key's
   std::filesystem::path key;      ///< the owner's, whose message is hidden
+  std::size_t recipient = 0;      ///< whose copy it will be, 1 to the recipients of the key; 0: a key without
   std::filesystem::path decoder;  ///< empty: one is fitted to the scene where the mark is hidden in a finished model
   /// A decoder for every scene that is taken where `decoder` is empty; its mark is hidden in a finished model too.
   std::filesystem::path universal;
@@ -57,9 +58,9 @@ struct MarkSettings {
   /// Whether any of them was given. A key without a decoder, or a decoder without a key, is an error and not an
   /// unmarked model.
   [[nodiscard]] bool wanted() const {
-    return bits != 0 || !key.empty() || !decoder.empty() || !unmarked.empty() || period || tone || weight || margin ||
-           power || rate || step_rate || fidelity || fall || by_cost || orbit || edits || lost_anchors || spread ||
-           calibrate_steps || message_every != 1 || for_compression;
+    return bits != 0 || !key.empty() || recipient != 0 || !decoder.empty() || !unmarked.empty() || period || tone ||
+           weight || margin || power || rate || step_rate || fidelity || fall || by_cost || orbit || edits ||
+           lost_anchors || spread || calibrate_steps || message_every != 1 || for_compression;
   }
 };
 

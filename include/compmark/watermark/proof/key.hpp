@@ -6,7 +6,8 @@
 // derive(label, out) and bits. Without a payload, a message is random bits. With one, it is the payload's code word
 // (ecc.hpp) plus the mask; the mask is random, so that such a message is as random and its p-value as exact. Keys with
 // one secret and different payloads mark copies that any one of these keys can read. But someone who learns one message
-// and its payload knows the mask, and so the messages of all copies.
+// and its payload knows the mask, and so the messages of all copies. Copies for recipients (recipient_code.hpp) do not
+// have that weakness.
 #pragma once
 
 #include <array>
@@ -21,6 +22,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/watermark/proof/ecc.hpp"
 #include "compmark/watermark/proof/message.hpp"
+#include "compmark/watermark/proof/recipient_code.hpp"
 
 namespace compmark {
 
@@ -35,6 +37,13 @@ template <class K>
 concept PayloadKey = SecretKey<K> && requires(const K& key) {
   { key.payload } -> std::convertible_to<std::string_view>;
   { key.corrects } -> std::convertible_to<std::size_t>;
+};
+
+/// A key that may have recipients: how many, and whose copy message_of is for (recipient_code.hpp); 0: none.
+template <class K>
+concept RecipientKey = SecretKey<K> && requires(const K& key) {
+  { key.recipients } -> std::convertible_to<std::size_t>;
+  { key.recipient } -> std::convertible_to<std::size_t>;
 };
 
 inline constexpr std::string_view message_label = "compmark/message/v1";
@@ -81,9 +90,13 @@ template <SecretKey K>
   return Done{};
 }
 
-/// The message of a key: code word and mask where there is a payload that fits (check_payload), else random bits.
+/// The message of a key: that of the copy of key.recipient where there are recipients, code word and mask where there is
+/// a payload that fits (check_payload), else random bits.
 template <SecretKey K>
 [[nodiscard]] Message message_of(const K& key) {
+  if constexpr (RecipientKey<K>) {
+    if (key.recipients != 0) return RecipientCode(key).message(key, key.recipient);
+  }
   if constexpr (PayloadKey<K>) {
     if (key.corrects != 0 && check_payload(key).ok()) {
       const Result<PayloadCode> code = payload_code(key);

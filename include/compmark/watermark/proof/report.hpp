@@ -129,6 +129,28 @@ void add_sources(Json& json, const ReportSources& s) {
   if (!s.interference.empty()) json["interference"] = {{"file", s.interference}, {"sha256", s.interference_sha256}};
 }
 
+/// The entry "recipients" of a report: what recipients.hpp finds.
+template <class Json>
+[[nodiscard]] Json recipients_json(const RecipientTrace& trace) {
+  const auto of = [](const RecipientEvidence& one) {
+    Json json{{"recipient", one.number}, {"matches", one.matches}};
+    json["p_value"] = one.p_value, json["p_corrected"] = one.p_corrected;
+    return json;
+  };
+  Json json;
+  json["number"] = trace.recipients;
+  json["shared"] = {{"bits", trace.shared_bits}, {"matches", trace.shared_matches}, {"p_value", trace.shared_p_value}};
+  json["copy"] = {{"recipient", trace.nearest.number}, {"p_value", trace.copy_p_value}};
+  json["naming"] = {{"bits", trace.naming_bits},
+                    {"undecided", trace.undecided},
+                    {"false_name_rate", trace.rate},
+                    {"correction", "Bonferroni"}};
+  json["nearest"] = of(trace.nearest);
+  json["named"] = Json::array();
+  for (const RecipientEvidence& one : trace.named) json["named"].push_back(of(one));
+  return json;
+}
+
 /// Schema "compmark.verification.1" (docs/verification.md).
 template <class Json>
 [[nodiscard]] Json report_json(const VerificationReport& report) {
@@ -151,6 +173,12 @@ template <class Json>
   test["threshold_matches"] = v.threshold ? Json(*v.threshold) : Json(nullptr);
   test["inconclusive_up_to"] = v.settings.suspicion;
   test["fusion"] = std::string(fusion_name(v.settings.fusion));
+  if (v.recipients) {
+    test["null_hypothesis"] =
+        "the key was drawn at random, independently of the images and of the decoder: shared bits and the message of "
+        "any copy are fair coins; p_value is of both tests";
+    json["recipients"] = recipients_json<Json>(*v.recipients);
+  }
   json["test"] = std::move(test);
   if (report.mirrored) json["mirrored"] = *report.mirrored;
   json["read"] = {{"hex", v.read.hex()}, {"fused_logits", v.fused}};
@@ -175,6 +203,43 @@ template <class Json>
   return json;
 }
 
+namespace detail {
+/// The lines of a report on the bits that all copies share, and on the nearest copy.
+[[nodiscard]] inline std::string owner_lines(const Verification& v) {
+  const RecipientTrace& trace = *v.recipients;
+  return "shared      " + std::to_string(trace.shared_matches) + " of the " + std::to_string(trace.shared_bits) +
+         " bits that all copies share match, p " + short_number(trace.shared_p_value) +
+         "\ncopy        the nearest of " + std::to_string(trace.recipients) + " is that of recipient " +
+         std::to_string(trace.nearest.number) + ": " + std::to_string(v.evidence.matches) + " of all " +
+         std::to_string(v.bits) + " bits, p " + short_number(trace.copy_p_value) +
+         " for this one; bits count by how clearly they are read\np-value     " + short_number(v.evidence.p_value) +
+         ": so likely a key drawn at random, without knowing the images and the decoder, would match at least as well,"
+         " by its shared bits or by any copy's message\n";
+}
+/// Whose copy it is.
+[[nodiscard]] inline std::string recipient_lines(const Verification& v) {
+  if (v.verdict != Verdict::detected) return "recipient   nobody is named where the owner's mark is not detected\n";
+  const RecipientTrace& trace = *v.recipients;
+  std::string text, rate = short_number(trace.rate);
+  for (const RecipientEvidence& one : trace.named) {
+    text += "recipient   " + std::to_string(one.number) + ": " + std::to_string(one.matches) + " of the " +
+            std::to_string(trace.naming_bits) + " bits that name recipients, p " + short_number(one.p_value) +
+            "; corrected for " + std::to_string(trace.recipients) + " recipients " + short_number(one.p_corrected) +
+            ", at most " + rate + " for anybody who had no part\n";
+  }
+  if (text.empty()) {
+    text = "recipient   no single recipient can be named at a rate of " + rate + ": the nearest, " +
+           std::to_string(trace.nearest.number) + ", has a corrected p of " + short_number(trace.nearest.p_corrected) +
+           "\n";
+  }
+  if (4 * trace.undecided >= trace.naming_bits) {
+    text += "undecided   " + std::to_string(trace.undecided) + " of the " + std::to_string(trace.naming_bits) +
+            " bits that name recipients: copies may have been mixed, or the mark is weak\n";
+  }
+  return text;
+}
+}  // namespace detail
+
 /// What was read and how likely chance reads it, for whoever has to decide: all lines of a report but the verdict. Each
 /// ends with '\n'.
 [[nodiscard]] inline std::string evidence_text(const Verification& v) {
@@ -187,20 +252,28 @@ template <class Json>
   const std::string rate = number(v.settings.false_positive_rate);
   std::string text = "matches     " + std::to_string(v.evidence.matches) + " of " + count(v.bits, "bit") +
                      ", read from " + count(accuracy.views, "view") + " together\n";
-  text +=
-      "p-value     " + number(v.evidence.p_value) +
-      ": so likely a key drawn at random, without knowing the images and the decoder, would match at least as well\n";
+  if (v.recipients) {
+    text += detail::owner_lines(v);
+  } else {
+    text +=
+        "p-value     " + number(v.evidence.p_value) +
+        ": so likely a key drawn at random, without knowing the images and the decoder, would match at least as well\n";
+  }
   if (v.settings.tries > 1) {
     text += "corrected   " + number(v.p_corrected) + ", for " +
             count(static_cast<std::size_t>(v.settings.tries), "test") + " that were or will be made (Bonferroni)\n";
   }
-  text += "needed      ";
-  text += v.threshold ? std::to_string(*v.threshold) + " matches, for a false-positive rate of " + rate + "\n"
-                      : count(v.bits, "bit") + " cannot reach a false-positive rate of " + rate + " with " +
-                            count(static_cast<std::size_t>(v.settings.tries), "test") + "\n";
-  return text + "each view   mean bit accuracy " + percent(accuracy.mean) + ", lowest " + percent(accuracy.min) +
-         " (p " + number(accuracy.largest_p) +
-         "); views of one scene are no independent proofs and are not multiplied\n";
+  if (v.recipients) {
+    text += "needed      a p-value of " + rate + (v.settings.tries > 1 ? ", corrected\n" : "\n");
+  } else {
+    text += "needed      ";
+    text += v.threshold ? std::to_string(*v.threshold) + " matches, for a false-positive rate of " + rate + "\n"
+                        : count(v.bits, "bit") + " cannot reach a false-positive rate of " + rate + " with " +
+                              count(static_cast<std::size_t>(v.settings.tries), "test") + "\n";
+  }
+  text += "each view   mean bit accuracy " + percent(accuracy.mean) + ", lowest " + percent(accuracy.min) + " (p " +
+          number(accuracy.largest_p) + "); views of one scene are no independent proofs and are not multiplied\n";
+  return v.recipients ? text + detail::recipient_lines(v) : text;
 }
 
 /// The verdict as one line, which ends with '\n'.

@@ -22,6 +22,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/math/binomial.hpp"
 #include "compmark/watermark/proof/message.hpp"
+#include "compmark/watermark/proof/recipient_trace.hpp"
 
 namespace compmark {
 
@@ -43,6 +44,7 @@ struct VerifySettings {
   double suspicion = 1e-2;            ///< corrected p-values up to this are not called "not detected"
   std::uint64_t tries = 1;  ///< keys times alignments (crops, scales, selections of views) that were or will be tried
   FusionRule fusion = FusionRule::scaled;
+  double recipient_rate = 1e-3;  ///< of naming a recipient who had no part, where a key has recipients
 };
 
 /// What a decoder read from one image.
@@ -69,6 +71,7 @@ struct Verification {
   std::optional<std::size_t> threshold;  ///< matches needed at this rate and number of tries; empty: impossible
   Verdict verdict = Verdict::not_detected;
   VerifySettings settings;
+  std::optional<RecipientTrace> recipients{};  ///< of a key that has some (recipients.hpp)
 };
 
 /// Smallest number of matches of `bits` whose p-value is at most `rate`; empty if even all bits are not enough.

@@ -49,6 +49,7 @@ struct RunEnd {
   record.key_commitment = mark.sources.key_commitment;
   record.decoder = {mark.sources.decoder, mark.sources.decoder_sha256};
   record.decoder_tensors = mark.decoder_tensors;
+  record.recipient = mark.key.recipient;
   record.models.push_back({model.filename().string(), digest});
   for (const auto& [also, name] :
        {std::pair(coded, "model.cmk"), std::pair(plan.recipe == "explicit", splat_file_name)}) {
@@ -137,6 +138,7 @@ struct RunEnd {
     metrics.psnr_marked_vs_unmarked = measured_mark->psnr_marked_vs_unmarked;
     results.watermark = metrics;
     nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(measured_mark->report);
+    if (mark->key.recipient != 0) json["recipient"] = mark->key.recipient;
     if (mark->key.corrects != 0) json["payload"] = payload_json(mark->key, measured_mark->report.verification.read);
     if (Result<Done> written = write_json(plan.out / "verification.json", json); !written) return written.error();
   }

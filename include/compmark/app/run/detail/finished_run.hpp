@@ -111,6 +111,7 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
     const Result<OwnerKey> key = key_of(plan.mark, {});
     if (!key) return key.error();
     files["--key"] = key->commitment();
+    if (key->recipient != 0) files["--recipient"] = key->recipient;
   }
   for (const auto& [option, path] : {std::pair<const char*, const std::filesystem::path&>("--model", plan.model),
                                      {"--decoder", plan.mark.decoder},

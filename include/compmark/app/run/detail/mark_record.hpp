@@ -52,6 +52,7 @@ inline nlohmann::ordered_json mark_record_json(const MarkRecord& record) {
                               {"decoder", std::move(decoder)},
                               {"models", nlohmann::ordered_json::array()}};
   for (const RecordedFile& model : record.models) json["models"].push_back(recorded_file_json(model));
+  if (record.recipient != 0) json["recipient"] = record.recipient;
   json[std::string(checksum_key)] = fields_checksum(json);
   return json;
 }
@@ -69,7 +70,7 @@ inline std::string word_at(const nlohmann::ordered_json& json, std::initializer_
 /// that none has. Records of before have no checksum.
 inline bool read_mark_record(const nlohmann::ordered_json& json, MarkRecord& record) {
   if (word_at(json, {"schema"}) != mark_schema) return false;
-  constexpr std::array<std::string_view, 4> fields{"schema", "key", "decoder", "models"};
+  constexpr std::array<std::string_view, 5> fields{"schema", "key", "decoder", "models", "recipient"};
   for (const auto& [name, value] : json.items()) {
     const bool known = std::find(fields.begin(), fields.end(), name) != fields.end();
     if (!known && (name != checksum_key || value != fields_checksum(json))) return false;
@@ -81,6 +82,10 @@ inline bool read_mark_record(const nlohmann::ordered_json& json, MarkRecord& rec
   if (json.contains("models") && json["models"].is_array()) {
     for (const nlohmann::ordered_json& model : json["models"])
       record.models.push_back({word_at(model, {"file"}), word_at(model, {"sha256"})});
+  }
+  if (json.contains("recipient")) {
+    if (!json["recipient"].is_number_unsigned()) return false;
+    record.recipient = json["recipient"].get<std::size_t>();
   }
   return !record.key_commitment.empty() && !record.decoder_tensors.empty();
 }

@@ -73,6 +73,26 @@ COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, c
                    "leave it out: keys that read each other's payloads have one decoder"};
     }
     decoder = other->decoder;
+    if (settings.recipients != 0 && other->recipients == 0) {
+      return Error{ErrorKind::invalid, settings.from.string(), "--from",
+                   "is a key without recipients, whose marks a key with recipients does not read",
+                   "leave it out: the new key has a secret of its own"};
+    }
+    if (settings.recipients != 0 && settings.recipients <= other->recipients) {
+      return Error{ErrorKind::invalid, settings.from.string(), "--from",
+                   "has " + std::to_string(other->recipients) + " recipients already", "use that key"};
+    }
+    if (settings.recipients == 0 && other->recipients != 0) {
+      return Error{ErrorKind::invalid, settings.from.string(), "--from",
+                   "is a key of " + std::to_string(other->recipients) + " recipients",
+                   "give --recipients with a larger number: the new key reads their copies too"};
+    }
+    if (settings.recipients != 0 && settings.bits != other->bits) {
+      return Error{ErrorKind::invalid, settings.from.string(), "--bits",
+                   "is " + std::to_string(settings.bits) + ", and the key of --from has messages of " +
+                       std::to_string(other->bits) + " bits",
+                   "give --bits " + std::to_string(other->bits)};
+    }
   } else if (Result<Done> drawn = os_random(secret); !drawn) {
     return drawn.error();
   }
@@ -84,7 +104,21 @@ COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, c
   if (!settings.decoder.empty()) {  // it is one, and reads as many bits
     if (const Result<FileDecoder> opened = open_decoder(settings.decoder, &*key); !opened) return opened.error();
   }
-  if (!settings.payload.empty()) {
+  if (settings.recipients != 0) {
+    if (!settings.payload.empty()) {
+      return Error{ErrorKind::invalid,
+                   {},
+                   "--payload",
+                   "is given with --recipients, and takes the same bits",
+                   "leave one of them out"};
+    }
+    if (Result<Done> fits = check_recipients(key->bits, settings.recipients); !fits) {
+      Error error = fits.error();
+      error.field = "--recipients";
+      return error;
+    }
+    key->recipients = settings.recipients;
+  } else if (!settings.payload.empty()) {
     key->payload = settings.payload;
     key->corrects = settings.corrects;
     if (const Result<Done> fits = check_payload(*key); !fits) return fits.error();

@@ -53,9 +53,10 @@ inline void take_universal(MarkSettings& mark) {
   if (mark.decoder.empty()) mark.decoder = mark.universal;
 }
 
-/// The key of a mark; its message must have the length of `bits`, if that is given.
+/// The key of a mark, with the recipient of the copy if it has recipients; its message must have the length of `bits`, if that is given.
 [[nodiscard]] inline Result<OwnerKey> key_of(const MarkSettings& options, const SentenceSink& warn) {
   Result<OwnerKey> key = open_private_key(options.key, warn);
+  if (key) key = for_recipient(*key, options.key, options.recipient);
   if (key && options.bits != 0 && options.bits != key->bits) {
     return Error{ErrorKind::invalid, options.key.string(), "bits",
                  "is " + std::to_string(key->bits) + ", and --bits is " + std::to_string(options.bits),
@@ -76,7 +77,7 @@ inline void take_universal(MarkSettings& mark) {
                  "leave the option out, or give --decoder fit"};
   }
   if (!options.decoder.empty() || options.key.empty()) return Done{};
-  const Result<OwnerKey> key = open_key(options.key);  // better now than after the training
+  const Result<OwnerKey> key = key_of(options, {});  // better now than after the training
   if (!key) return key.error();
   if (key->decoder.empty()) return Done{};
   return Error{ErrorKind::invalid, options.key.string(), "--decoder",
@@ -181,6 +182,7 @@ inline void take_universal(MarkSettings& mark) {
   if (mark.message.novel_view_every != 0) mark.message.novel_view_every = options.message_every;
   // A run is resumed with the same key, decoder and stages alone. The commitment says nothing of the message.
   mark.identity = key->commitment().substr(0, 16) + digest->substr(0, 16) + (options.for_compression ? "c" : "");
+  if (key->recipient != 0) mark.identity += "recipient " + std::to_string(key->recipient);
   input.decoder = std::move(*decoder);
   return input;
 }
