@@ -30,13 +30,17 @@ symbols() {
 }
 # What is drawn or counted outside of an iteration (a random background, the cells of the anchors) is in the trainer alone: "trainer" in
 # the third column compiles it too, on both sides.
+# What the source includes is read once for all of them, not twenty times. There is no step.hpp beside step.hpp.gch: were the latter refused, nothing
+# would compile.
+grep '^#include' "$source" >"$folder/includes.hpp"
+"$compiler" -std=c++20 -O0 "$@" -x c++-header "$folder/includes.hpp" -o "$folder/step.hpp.gch"
 object() { # name, recipe, "" or trainer, flags...
   object_name=$1
   object_recipe=$2
   object_part=${3:+-DEFFECT_TRAINER}
   shift 3
   # shellcheck disable=SC2086 # one word or none
-  "$compiler" -std=c++20 -O0 "$@" $object_part -DEFFECT_RECIPE="$object_recipe" -c "$source" -o "$folder/$object_name.o"
+  "$compiler" -std=c++20 -O0 "$@" -include "$folder/step.hpp" $object_part -DEFFECT_RECIPE="$object_recipe" -c "$source" -o "$folder/$object_name.o"
 }
 object bare Scaffold "" "$@"
 object bare_trainer Scaffold trainer "$@"
