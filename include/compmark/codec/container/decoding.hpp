@@ -3,8 +3,9 @@
 //
 // The part of decoding that all codecs share. Nothing is used before its checksum is right, and no memory is taken
 // before the limits are checked. A damaged file is refused with section and remedy; with `salvage` the anchors of
-// damaged chunks are left out and listed instead. With `partial` a ContextGS file may be truncated: its complete levels
-// are decoded. The sections of one codec are in hac_decoder.hpp and context_gs_decoder.hpp.
+// damaged chunks are left out and listed instead. With `partial` a ContextGS file may be truncated, and a HAC-plus file
+// that begins with a coarse level: what is complete is decoded. The sections of one codec are in its own decoder
+// (hac_decoder.hpp …). Longer than 300 lines: what is refused, and in which order, is one thing.
 #pragma once
 
 #include <algorithm>
