@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The sections of a HAC-plus file: those of a HAC file, and INTR, the context inside an anchor. A file that begins with a
-// coarse level has STEP, which says how coarse, and COAR, which holds the level; STRM refines it.
+// The sections of a HAC-plus file: those of a HAC file, and INTR, the context inside an anchor. A file that begins with
+// a coarse level has STEP, which says how coarse, and COAR, which holds the level; STRM refines it.
 #pragma once
 
 #include <array>
