@@ -4,11 +4,15 @@
 // compmark compress: writes the compressed file of a model that was trained for it. compmark decompress: makes a model
 // from a compressed file again, even from a damaged one.
 #include <compmark/app/compress.hpp>
+#include <compmark/codec/integer/coarse_bins.hpp>
 #include <compmark/core/thread_executor.hpp>
 #include <compmark/io/json_file.hpp>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
+#include <sstream>
 #include <string>
+#include <vector>
 
 #include "coded_text.hpp"
 #include "commands.hpp"
@@ -21,9 +25,30 @@ using namespace compmark;
 
 struct CompressOptions {
   std::filesystem::path model, out, json;
-  std::string codec = "trained", cameras = "test", networks = "half";
+  std::string codec = "trained", preview = "none", cameras = "test", networks = "half";
   std::size_t threads = 0;
 };
+
+/// 3, 9 or 27 for all attributes, or three numbers, of features, scales and offsets.
+Result<CoarseSteps> preview_steps(const std::string& text) {
+  const Error error{ErrorKind::invalid,
+                    {},
+                    "--preview",
+                    "\"" + text + "\" is none",
+                    "give none, 3, 9 or 27, or three of 1, 3, 9 and 27: features,scales,offsets, such as 3,9,9"};
+  std::vector<std::uint8_t> thirds;
+  std::istringstream words(text);
+  for (std::string word; std::getline(words, word, ',');) {
+    std::uint8_t power = 0;
+    while (power <= CoarseSteps::most_thirds && word != std::to_string(CoarseSteps::width_of(power))) ++power;
+    if (power > CoarseSteps::most_thirds) return error;
+    thirds.push_back(power);
+  }
+  if (thirds.size() == 1) thirds.resize(3, thirds[0]);
+  if (thirds.size() != 3) return error;
+  const CoarseSteps steps{{thirds[0], thirds[1], thirds[2]}};
+  return steps.valid() ? Result<CoarseSteps>(steps) : Result<CoarseSteps>(error);
+}
 
 int compress(const CompressOptions& options) {
   CodedModelSettings settings;
@@ -32,6 +57,13 @@ int compress(const CompressOptions& options) {
                      : options.cameras == "all" ? StoredCameras::all
                                                 : StoredCameras::test;
   settings.intra = options.codec == "hac_plus";
+  if (options.preview != "none") {
+    if (!settings.intra)
+      return fail({ErrorKind::invalid, {}, "--preview", "is of hac_plus files alone", "give --codec hac_plus too"});
+    const Result<CoarseSteps> steps = preview_steps(options.preview);
+    if (!steps) return fail(steps.error());
+    settings.first_level = *steps;
+  }
   ThreadExecutor executor(options.threads);
   tell_threads(executor, options.threads);
   const Result<CodecReport> report = compress_file(options.model, options.out, settings, executor);
@@ -65,6 +97,10 @@ int decompress(const DecompressOptions& options) {
         static_cast<unsigned>(decoded.levels), static_cast<unsigned>(decoded.file_levels),
         static_cast<unsigned long long>(decoded.absent_bytes), static_cast<unsigned long long>(decoded.absent_anchors));
   }
+  if (decoded.coarse_anchors > 0) {
+    std::fprintf(stderr, "compmark: note: %llu anchors are of the coarse level\n",
+                 static_cast<unsigned long long>(decoded.coarse_anchors));
+  }
   for (const std::string& section : decoded.lost_sections)
     std::fprintf(stderr, "compmark: warning: section %s is lost\n", section.c_str());
   if (decoded.damaged.empty()) return decoded.lost_sections.empty() ? success : salvaged;
@@ -90,6 +126,11 @@ Command add_compress(Options& app) {
            "bytes, the decoded model is the same")
       ->capture_default_str()
       ->check(CLI::IsMember({"trained", "hac_plus"}));
+  app.word("--preview", options->preview,
+           "with hac_plus: the file begins with a coarse model of the whole scene, of steps so many times as wide "
+           "(decompress --partial); the decoded model is the same. none, 3, 9 or 27, or of features,scales,offsets: "
+           "3,9,9")
+      ->capture_default_str();
   app.word("--cameras", options->cameras, "cameras of the model that the file stores, 144 bytes each")
       ->capture_default_str()
       ->check(CLI::IsMember({"none", "test", "all"}));
@@ -109,8 +150,8 @@ Command add_decompress(Options& app) {
   app.flag("--salvage", options->salvage,
            "decode undamaged parts and leave out the rest (exit code 4 if anything is left out)");
   app.flag("--partial", options->partial,
-           "decode a file that ends too early: the complete levels of a ContextGS file are a "
-           "preview of it (compmark info of the whole file lists the bytes each level needs)");
+           "decode a file that ends too early: the complete levels of a ContextGS file, and of a hac_plus file with "
+           "--preview, are a preview of it (compmark info of the whole file lists the bytes each level needs)");
   app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
   return [options]() -> int { return decompress(*options); };
 }

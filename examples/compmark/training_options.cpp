@@ -37,9 +37,10 @@ void bind_training(Options& app, TrainOptions& options) {
            "+exposure+farfield), hac or context_gs (with +mask, +alpha or +exposure), "
            "compmark-host or compmark-paper-host (default: chosen from the data or the profile)");
   app.word("--codec", options.settings.codec,
-           "codec to train for: none, hac or context_gs; a codec writes model.cmk too")
+           "codec to train for: none, hac, context_gs, or hac_plus, which trains as hac and writes a smaller file; a "
+           "codec writes model.cmk too")
       ->capture_default_str()
-      ->check(CLI::IsMember({"none", "hac", "context_gs"}));
+      ->check(CLI::IsMember({"none", "hac", "context_gs", "hac_plus"}));
   app.flag("--for-fit-codec", options.settings.for_fit_codec,
            "leave out effects that compmark fit-codec does not support");
   app.number("--lambda", options.settings.rate_lambda, share_range,
@@ -179,6 +180,11 @@ void bind_options(Options& app, EmbedOptions& options) {
            "(as the file does), noise (as wide as a step) or none")
       ->capture_default_str()
       ->check(CLI::IsMember({"round", "noise", "none"}));
+  app.word("--codec", options.settings.codec,
+           "of the files of a model for a codec. trained: the codec that it was trained for; hac_plus: of one for hac "
+           "in fewer bytes")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"trained", "hac_plus"}));
   app.also([&options](FileUse& use) {
     const EmbedSettings& settings = options.settings;
     add_run_files(use, {settings.out, options.run.json_log, settings.model, settings.mark.wanted()}, settings.out);
@@ -222,9 +228,10 @@ void bind_options(Options& app, FitCodecOptions& options) {
   app.writes_into("--out", options.settings.out,
                   "folder for model.cmk, model.safetensors, results.json and report.html")
       ->required();
-  app.word("--codec", options.settings.codec, "hac or context_gs")
+  app.word("--codec", options.settings.codec,
+           "hac, context_gs, or hac_plus, which is fitted as hac and writes a smaller file")
       ->capture_default_str()
-      ->check(CLI::IsMember({"hac", "context_gs"}));
+      ->check(CLI::IsMember({"hac", "context_gs", "hac_plus"}));
   app.number("--lambda", options.settings.rate_lambda, share_range, "loss of one bit more a scalar")
       ->capture_default_str();
   app.flag("--touch-up", options.settings.touch_up,

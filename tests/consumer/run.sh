@@ -52,7 +52,7 @@ if [ "$way" = embedding ] || [ "$way" = all ]; then
   allowed='compmark/((core|io)/(detail/)?[a-z0-9_]+|math/morton|codec/(coder|container|integer)/[a-z0-9_]+'
   allowed="$allowed|codec/context_gs/(anchor_levels|context_gs_(context|decoder|encoder|format|integers|prior))"
   allowed="$allowed|codec/hac/(hac_(context|decoder|encoder|format)|hash_grid_layout)"
-  allowed="$allowed|codec/hac_plus/(hac_plus_(coding|decoder|encoder|format)|intra_fit))\.hpp\$"
+  allowed="$allowed|codec/hac_plus/(coarse_coding|hac_plus_(coding|decoder|encoder|format)|intra_fit))\.hpp\$"
   headers_of() { ninja -C "$scratch/embedding" -t deps "CMakeFiles/$1.dir/$1.cpp.o" | sed -n 's|.*/include/\(compmark/.*\)|\1|p' | sort -u; }
   headers_of read_compressed >"$scratch/headers"
   grep -q 'compmark/codec/container/cmk.hpp' "$scratch/headers" || { echo "the list of headers is empty"; exit 1; }

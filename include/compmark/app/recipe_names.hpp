@@ -17,6 +17,8 @@ inline const char* recipe_codec(std::string_view name) {
   const std::string_view head = name.substr(0, name.find('+'));
   return head == "hac" ? "hac" : head == "context_gs" ? "context_gs" : "none";
 }
+/// The codec whose stages a model trains for: HAC-plus codes what was trained for HAC.
+inline std::string trained_codec(const std::string& codec) { return codec == "hac_plus" ? "hac" : codec; }
 inline bool is_coded_recipe(std::string_view name) { return std::string_view(recipe_codec(name)) != "none"; }
 /// A recipe's name without these effects.
 inline std::string without_effects(std::string name, std::initializer_list<std::string_view> effects) {

@@ -32,6 +32,8 @@ inline const char* section_purpose(std::uint32_t section) {
   if (section == F::mask) return "offset masks";
   if (section == HacFormat::hash) return "hash grid";
   if (section == HacPlusFormat::intra) return "context inside anchors";
+  if (section == HacPlusFormat::step) return "steps of the coarse level";
+  if (section == HacPlusFormat::coarse) return "coarse level";
   if (section == F::levels) return "levels";
   if (section == F::prior) return "prior of the hyperprior";
   if (section == F::hyperprior) return "hyperprior";

@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 
 #include "compmark/app/compiled.hpp"
 #include "compmark/app/run/embed_method.hpp"
@@ -34,6 +35,7 @@ struct EmbedSettings : RunSettings {
   std::int64_t iterations = 0;  ///< 0: 2000; for a codec 4000, or 8000 with a decoder that is not fitted to the scene
   EmbedDistortion distortion = EmbedDistortion::round;  ///< of models for a codec; others have `round` alone
   EmbedMethod method = EmbedMethod::compmark;           ///< baselines mark models of the recipe scaffold alone
+  std::string codec = "trained";  ///< of the files of a model for a codec: its own, or hac_plus of one for hac
 };
 
 /// Writes the marked model.safetensors, results.json, verification.json and mark.json into `out`, a decoder where none

@@ -20,7 +20,7 @@ namespace compmark {
 
 struct FitCodecSettings : RunSettings {
   std::filesystem::path model;  ///< model.safetensors of a training without a codec
-  std::string codec = "hac";    ///< or context_gs
+  std::string codec = "hac";    ///< context_gs, or hac_plus, which is fitted as hac
   double rate_lambda = 0.001;   ///< loss of one bit more a scalar
   std::int64_t iterations = 3000;
   bool touch_up = false;  ///< attributes and networks train on at small rates; else they keep their bits

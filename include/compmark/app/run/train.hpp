@@ -25,7 +25,7 @@ namespace compmark {
 struct TrainSceneSettings : RunSettings {
   std::string recipe;                ///< a name of with_recipe or of a codec's recipe; empty: chosen from the data
   std::string profile = "scaffold";  ///< hyper-parameters (profile_settings); with a codec "hac" takes its place
-  std::string codec = "none";        ///< that the model is trained for: none, hac or context_gs
+  std::string codec = "none";        ///< of the file: none, hac, context_gs, or hac_plus, which trains for hac
   bool for_fit_codec = false;        ///< without effects that fit_codec does not support
   double rate_lambda = 0.001;        ///< with a codec: loss of one bit more a scalar
   std::int64_t iterations = 30000;

@@ -121,6 +121,8 @@ inline void append_models(const PanelModels& evaluator, const ContextHeads& head
 
 struct EncodedChunk {
   std::vector<std::byte> mask, stream, hyperprior;
+  std::vector<std::byte> coarse;  ///< of a file that begins with a coarse level
+  std::uint64_t refined = 0;      ///< … symbols that `stream` refines
   std::uint64_t symbol_count = 0, symbol_hash = 0;
   ChunkDigest value_hash;
   std::array<std::uint64_t, 3> symbols{}, clamped{};  ///< by attribute group
@@ -186,6 +188,8 @@ template <class Predictor>
 struct DecodedChunk {
   std::uint64_t symbol_count = 0, symbol_hash = 0;
   ChunkDigest value_hash;
+  std::uint64_t refined = 0;  ///< symbols that STRM refines, in a file that begins with a coarse level
+  bool is_coarse = false;     ///< they are not refined: STRM has not arrived, and the hashes mean nothing
 };
 
 /// Fills the rows from the two payloads, whose checksums are right. Any bytes may be given. Masked offsets are zero

@@ -21,6 +21,7 @@
 
 #include "compmark/codec/container/container.hpp"
 #include "compmark/codec/context_gs/context_gs_integers.hpp"
+#include "compmark/codec/integer/coarse_bins.hpp"
 #include "compmark/codec/integer/integer_context.hpp"
 #include "compmark/codec/integer/integer_quantize.hpp"
 #include "compmark/codec/integer/intra_context.hpp"
@@ -90,6 +91,8 @@ struct CodecModel {
   std::optional<IntegerContextGs> context_gs;
   /// Beside the first or the second: the codec is HAC-plus. Without weights, encoding finds them.
   std::optional<IntraContext> intra;
+  /// HAC-plus: the file begins with a coarse level of all anchors, a model by itself. None: it has one level.
+  std::optional<CoarseSteps> first_level;
 
   std::vector<CodecTensor> networks;  ///< what renders, by name
   std::map<std::string, CodecValue> metadata;

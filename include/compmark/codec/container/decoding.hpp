@@ -3,8 +3,9 @@
 //
 // The part of decoding that all codecs share. Nothing is used before its checksum is right, and no memory is taken
 // before the limits are checked. A damaged file is refused with section and remedy; with `salvage` the anchors of
-// damaged chunks are left out and listed instead. With `partial` a ContextGS file may be truncated: its complete levels
-// are decoded. The sections of one codec are in hac_decoder.hpp and context_gs_decoder.hpp.
+// damaged chunks are left out and listed instead. With `partial` a ContextGS file may be truncated, and a HAC-plus file
+// that begins with a coarse level: what is complete is decoded. The sections of one codec are in its own decoder
+// (hac_decoder.hpp …). Longer than 300 lines: what is refused, and in which order, is one thing.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +31,8 @@ namespace compmark {
 struct CodecDecodeSettings {
   bool salvage = false;  ///< leave out the anchors of damaged chunks instead of refusing the file
   /// Of a ContextGS file that ends too early decode the levels that are whole, at least the first: a preview
-  /// (docs/notebook/compression_experiments.md). A HAC file has one level and must have all its chunks.
+  /// (docs/notebook/compression_experiments.md). A HAC file has one level and must have all its chunks. A HAC-plus file
+  /// with a first level must have all chunks of that; those that are refined are decoded as they are.
   bool partial = false;
   std::uint64_t memory_limit = std::uint64_t{1} << 34;  ///< bytes of the decoded arrays
   const GaussianTables* tables = nullptr;               ///< made anew if there are none, 1 ms
@@ -45,6 +47,7 @@ struct CodecDecoded {
   std::uint64_t absent_bytes = 0;          ///< of the file's end (partial); sections of others there are left out too
   std::uint32_t levels = 0, file_levels = 0;  ///< how many were whole, of how many; HAC has one
   std::uint64_t absent_anchors = 0;           ///< of the levels that were not
+  std::uint64_t coarse_anchors = 0;           ///< HAC-plus: of chunks of which the coarse level alone has arrived
   bool verified = false;                      ///< DIGS was right; false if DIGS or any anchor is missing
 };
 
@@ -135,7 +138,7 @@ class FileReader {
         if (entries[c].part != places_[c].part || entries[c].chunk != places_[c].chunk)
           return malformed(entries[c].name(), "chunks are not in order");
       }
-      const SectionEntry& stream = entry(CodecFormat::stream, c);
+      const SectionEntry& stream = entry(format_.coarse != 0 ? format_.coarse : CodecFormat::stream, c);
       const std::uint64_t rows = places_[c].end - places_[c].begin, items = stream.items;
       if (items < rows * (d + 9) || items > rows * (d + 6 + k3) || items >> 19 > stream.size) {
         return malformed(stream.name(), "names " + std::to_string(items) + " symbols, which " + std::to_string(rows) +
@@ -159,6 +162,8 @@ class FileReader {
   }
   /// How many anchors these have: nothing is kept for the others.
   [[nodiscard]] std::size_t arrived_anchors() const { return arrived_ == 0 ? 0 : places_[arrived_ - 1].end; }
+  /// Whether a chunk is there as finely as it was coded.
+  [[nodiscard]] bool refined(std::size_t chunk) const { return file_.arrived(entry(CodecFormat::stream, chunk)); }
   [[nodiscard]] const SectionEntry& entry(std::uint32_t kind, std::size_t chunk) const {
     const auto at = std::find(format_.chunked.begin(), format_.chunked.end(), kind) - format_.chunked.begin();
     return entries_[static_cast<std::size_t>(at)][chunk];
@@ -198,6 +203,7 @@ class FileReader {
     model.feature.resize(n * static_cast<std::size_t>(model.feature_dim));
     model.scale.resize(n * 6);
     model.offset.resize(n * 3 * static_cast<std::size_t>(model.offset_count));
+    coarse_.assign(places_.size(), 0);
     errors_.resize(places_.size());
     values_.resize(places_.size());
     return Done{};
@@ -207,6 +213,7 @@ class FileReader {
   template <class Decode>
   void chunk(std::size_t c, const Decode& decode) {
     for (const std::vector<SectionEntry>& entries : entries_) {
+      if (refines(entries[c]) && !file_.arrived(entries[c])) continue;
       const auto payload = file_.payload(entries[c]);
       if (!payload) {
         errors_[c] = payload.error();
@@ -220,8 +227,10 @@ class FileReader {
       errors_[c]->field = name + ": " + errors_[c]->field;
       return;
     }
-    const bool other = digests_ && decoded->symbol_hash != digests_->symbols[c];
-    if (other || decoded->symbol_count != entry(CodecFormat::stream, c).items ||
+    const bool other = digests_ && !decoded->is_coarse && decoded->symbol_hash != digests_->symbols[c];
+    const bool short_of = format_.coarse != 0 && decoded->refined != entry(CodecFormat::stream, c).items;
+    if (other || short_of ||
+        decoded->symbol_count != entry(format_.coarse != 0 ? format_.coarse : CodecFormat::stream, c).items ||
         entry(CodecFormat::mask, c).items != places_[c].end - places_[c].begin) {
       errors_[c] = file_.error(
           ErrorKind::invalid, name,
@@ -230,14 +239,17 @@ class FileReader {
       return;
     }
     values_[c] = decoded->value_hash;
+    coarse_[c] = decoded->is_coarse ? 1 : 0;
   }
   [[nodiscard]] bool lost(std::size_t c) const { return errors_[c].has_value(); }
 
   /// Returns the kept errors, checks the digest of the whole, or makes the model without the lost anchors.
   [[nodiscard]] Result<Done> finish(CodecDecoded& result) {
     std::vector<std::uint32_t> kept;
-    result.levels = whole_levels_;
-    result.file_levels = format_.parts;
+    for (std::size_t c = 0; c < arrived_; ++c)
+      result.coarse_anchors += coarse_[c] != 0 ? places_[c].end - places_[c].begin : 0;
+    result.levels = whole_levels_ + (format_.coarse != 0 && result.coarse_anchors == 0 ? 1 : 0);
+    result.file_levels = format_.parts + (format_.coarse != 0 ? 1 : 0);
     result.absent_anchors = anchors_ - arrived_anchors();
     for (std::size_t c = 0; c < arrived_; ++c) {
       if (errors_[c] && !settings_.salvage) return *errors_[c];
@@ -249,7 +261,7 @@ class FileReader {
       for (std::size_t i = places_[c].begin; i < places_[c].end; ++i) kept.push_back(static_cast<std::uint32_t>(i));
     }
     if (!result.damaged.empty()) result.model = take_rows(result.model, kept);
-    if (!result.damaged.empty() || result.absent_anchors > 0) return Done{};
+    if (!result.damaged.empty() || result.absent_anchors > 0 || result.coarse_anchors > 0) return Done{};
     const Sha256Bytes digest = model_digest(values_, result.model, result.model.anchors(), named_);
     if ((digests_ && digest != digests_->model) || short_digest(digest) != file_.header.digest) {
       return file_.error(
@@ -268,7 +280,7 @@ class FileReader {
       std::size_t end = arrived_;
       for (; end < places_.size() && places_[end].part == levels[whole_levels_].part; ++end) {
         for (const std::vector<SectionEntry>& entries : entries_) {
-          if (file_.arrived(entries[end])) continue;
+          if (file_.arrived(entries[end]) || refines(entries[end])) continue;
           if (arrived_ == 0) return file_.payload(entries[end]).error();
           return Done{};
         }
@@ -276,6 +288,11 @@ class FileReader {
       arrived_ = end;
     }
     return Done{};
+  }
+
+  /// Whether a chunk can be decoded without it, coarsely.
+  [[nodiscard]] bool refines(const SectionEntry& section) const {
+    return format_.coarse != 0 && section.kind == CodecFormat::stream;
   }
 
   const CodecSections& format_;
@@ -293,6 +310,7 @@ class FileReader {
   std::optional<CodecDigests> digests_;  ///< none when the end of the file has not arrived
   std::vector<std::optional<Error>> errors_;
   std::vector<ChunkDigest> values_;
+  std::vector<std::uint8_t> coarse_;  ///< chunks that are not refined
 };
 
 }  // namespace detail

@@ -221,7 +221,7 @@ class FileWriter {
         report.ideal_bits[g] += chunk.bits[g];
       }
       report.hyperprior_bits += chunk.hyperprior_bits;
-      report.coded_bytes += chunk.stream.size() + chunk.hyperprior.size();
+      report.coded_bytes += chunk.coarse.size() + chunk.stream.size() + chunk.hyperprior.size();
       digests.symbols.push_back(chunk.symbol_hash);
       values.push_back(std::move(chunk.value_hash));
       const std::size_t rows = place.end - place.begin;
@@ -231,8 +231,14 @@ class FileWriter {
         add(hyperprior, std::move(chunk.hyperprior), symbols, place.part, place.chunk);
       }
       add(CodecFormat::mask, std::move(chunk.mask), rows, place.part, place.chunk);
-      add(CodecFormat::stream, std::move(chunk.stream), chunk.symbol_count, place.part, place.chunk);
+      if (format_.coarse != 0) {
+        add(format_.coarse, std::move(chunk.coarse), chunk.symbol_count, place.part, place.chunk);
+      } else {
+        add(CodecFormat::stream, std::move(chunk.stream), chunk.symbol_count, place.part, place.chunk);
+      }
     }
+    for (std::size_t c = 0; format_.coarse != 0 && c < places_.size(); ++c)
+      add(CodecFormat::stream, std::move(chunks[c].stream), chunks[c].refined, places_[c].part, places_[c].chunk);
     std::vector<std::span<const std::byte>> payloads;
     for (const std::size_t i : named_) payloads.emplace_back(sections_[i].bytes);
     digests.model = model_digest(values, model_, model_.anchors(), payloads);

@@ -42,6 +42,7 @@ struct CodecSections {
   std::span<const std::uint32_t> chunked;  ///< one of each a chunk: without it the chunk is lost, and nothing else
   std::span<const std::uint32_t> parted;   ///< one a level, without chunks
   std::uint32_t parts = 1;                 ///< levels
+  std::uint32_t coarse = 0;                ///< one of `chunked`: all symbols coarsely, which STRM then refines
 
   [[nodiscard]] static bool in(std::span<const std::uint32_t> list, std::uint32_t kind) {
     return std::find(list.begin(), list.end(), kind) != list.end();

@@ -35,7 +35,8 @@ struct CodecInfo {
   }
 };
 
-/// A level of a file, in the order of the file: of ContextGS three, of HAC one.
+/// A level of a file, in the order of the file: of ContextGS three, of HAC one, of HAC-plus one, or a coarse one and
+/// the whole, of the same anchors.
 struct CodecLevel {
   std::uint64_t anchors = 0;  ///< as the table of contents says
   std::uint64_t end = 0;      ///< so many bytes of the file are enough to decode this level and those before (partial)
@@ -43,15 +44,21 @@ struct CodecLevel {
 template <class Codecs = ShippedCodecs, class File>
 [[nodiscard]] std::vector<CodecLevel> codec_levels(const File& file) {
   const CodecSections& format = *Codecs::of_profile(file.header.profile, []<class C>() { return &C::sections; });
+  std::uint64_t coarse_end = 0, end = 0, anchors = 0;
+  for (const SectionEntry& entry : file.sections) {
+    if (format.coarse == 0 || entry.kind != format.coarse) continue;
+    coarse_end = std::max(coarse_end, entry.offset + entry.size);
+  }
   std::vector<CodecLevel> levels(format.parts);
-  std::uint64_t end = 0;
   for (const SectionEntry& entry : file.sections) {
     const bool chunked = CodecSections::in(format.chunked, entry.kind);
     if (!format.knows(entry.kind) || entry.kind == CodecFormat::digests || entry.part >= format.parts) continue;
     std::uint64_t& reached = chunked ? levels[format.parts - 1 - entry.part].end : end;
     reached = std::max(reached, entry.offset + entry.size);
     if (entry.kind == CodecFormat::mask) levels[format.parts - 1 - entry.part].anchors += entry.items;
+    anchors += entry.kind == CodecFormat::mask ? entry.items : 0;
   }
+  if (coarse_end != 0) levels.insert(levels.begin(), CodecLevel{anchors, coarse_end});
   for (CodecLevel& level : levels) level.end = end = std::max(end, level.end);
   return levels;
 }

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "compmark/codec/container/decoding.hpp"
 #include "compmark/codec/container/geometry.hpp"
 #include "compmark/codec/hac/hac_context.hpp"
+#include "compmark/codec/hac_plus/coarse_coding.hpp"
 #include "compmark/codec/hac_plus/hac_plus_coding.hpp"
 #include "compmark/codec/hac_plus/hac_plus_format.hpp"
 
@@ -27,7 +29,9 @@ template <Executor E>
   if (!parsed) return parsed.error();
   CodecDecoded result;
   CodecModel& model = result.model;
-  detail::FileReader reader(*parsed, HacPlusFormat::sections, settings);
+  const bool coarse = parsed->find(HacPlusFormat::step) != nullptr;
+  const CodecSections& format = coarse ? HacPlusFormat::sections : HacPlusFormat::one_level;
+  detail::FileReader reader(*parsed, format, settings);
   const Result<Done> begun = reader.begin(result);
   if (!begun) return begun.error();
   const Result<Done> expected = reader.expect(model, {{0, static_cast<std::size_t>(reader.anchors())}});
@@ -55,17 +59,30 @@ template <Executor E>
   if (!within) return within.error();
   Result<IntraContext> intra = detail::decode_intra(*within, context.heads.channels());
   if (!intra) return reader.located(intra.error());
+  if (coarse) {
+    const auto step = reader.context(HacPlusFormat::step);
+    if (!step) return step.error();
+    const Result<CoarseSteps> steps = detail::decode_coarse_steps(*step);
+    if (!steps) return reader.located(steps.error());
+    model.first_level = *steps;
+  }
   const Result<Done> prepared = reader.prepare(model);
   if (!prepared) return prepared.error();
 
   const IntegerNetwork::Packed packed = context.network.pack();
   const detail::ChunkCoder coder{context.heads, reader.tables(), model.base_step, model.offset_count};
+  const IntraContext rough = intra->without_spread();
   detail::for_part(reader.places(), 0, executor, [&](const detail::ChunkPlace& place, std::size_t c) {
     const detail::ChunkRows rows = detail::chunk_rows(model, place.begin, place.end);
     reader.chunk(c, [&](const auto& payload) {
       detail::HacPredictor predictor(context, packed, rows.voxels);
-      return detail::decode_chunk_within(coder, *intra, payload(HacPlusFormat::mask), payload(HacPlusFormat::stream),
-                                         rows, predictor);
+      if (!model.first_level)
+        return detail::decode_chunk_within(coder, *intra, payload(HacPlusFormat::mask), payload(HacPlusFormat::stream),
+                                           rows, predictor);
+      const detail::CoarseChunk chunk{
+          payload(HacPlusFormat::mask), payload(HacPlusFormat::coarse),
+          reader.refined(c) ? std::optional<std::span<const std::byte>>(payload(HacPlusFormat::stream)) : std::nullopt};
+      return detail::decode_chunk_coarse(coder, *intra, rough, *model.first_level, chunk, rows, predictor);
     });
   });
   const Result<Done> finished = reader.finish(result);

@@ -16,6 +16,7 @@
 
 #include "compmark/codec/container/encoding.hpp"
 #include "compmark/codec/hac/hac_context.hpp"
+#include "compmark/codec/hac_plus/coarse_coding.hpp"
 #include "compmark/codec/hac_plus/hac_plus_coding.hpp"
 #include "compmark/codec/hac_plus/hac_plus_format.hpp"
 #include "compmark/codec/hac_plus/intra_fit.hpp"
@@ -94,7 +95,13 @@ template <Executor E>
   const std::array<detail::LevelRange, 1> levels{{{0, coded.anchors()}}};
   const std::vector<detail::ChunkPlace> places =
       detail::chunk_places(levels, static_cast<std::size_t>(coded.chunk_anchors));
-  detail::FileWriter writer(HacPlusFormat::sections, coded, places);
+  coded.first_level = model.first_level;
+  if (coded.first_level && !coded.first_level->valid()) {
+    return Error{ErrorKind::invalid, "", "first_level", "is none of 1, 3, 9 and 27 steps, or of one step alone",
+                 "leave it out, or make one of the three groups coarser"};
+  }
+  const CodecSections& format = coded.first_level ? HacPlusFormat::sections : HacPlusFormat::one_level;
+  detail::FileWriter writer(format, coded, places);
   const Result<Done> fits = writer.check();
   if (!fits) return fits.error();
   writer.begin(tables, coded.voxels, range);
@@ -116,16 +123,20 @@ template <Executor E>
   }
   writer.add_context(HacPlusFormat::intra, detail::encode_intra(intra),
                      2 * IntraContext::weights(channels) + 4 * channels);
+  if (coded.first_level) writer.add_context(HacPlusFormat::step, detail::encode_coarse_steps(*coded.first_level), 3);
   Result<std::vector<CodecTensor>> renderers = writer.add_renderers();
   if (!renderers) return renderers.error();
   coded.networks = std::move(*renderers);
 
   const detail::ChunkCoder coder{context->heads, tables, coded.base_step, coded.offset_count};
+  const IntraContext rough = intra.without_spread();
   std::vector<detail::EncodedChunk> chunks(places.size());
   detail::for_part(places, 0, executor, [&](const detail::ChunkPlace& place, std::size_t c) {
     const detail::ChunkRows chunk = detail::chunk_rows(coded, place.begin, place.end);
     detail::HacPredictor predictor(*context, packed, chunk.voxels);
-    chunks[c] = detail::encode_chunk_within(coder, intra, chunk, predictor);
+    chunks[c] = coded.first_level
+                    ? detail::encode_chunk_coarse(coder, intra, rough, *coded.first_level, chunk, predictor)
+                    : detail::encode_chunk_within(coder, intra, chunk, predictor);
   });
   Result<std::vector<std::byte>> bytes = writer.finish(std::move(chunks), 0, result.report);
   if (!bytes) return bytes.error();

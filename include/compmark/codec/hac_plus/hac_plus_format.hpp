@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The sections of a HAC-plus file: those of a HAC file, and INTR, the context inside an anchor.
+// The sections of a HAC-plus file: those of a HAC file, and INTR, the context inside an anchor. A file that begins with
+// a coarse level has STEP, which says how coarse, and COAR, which holds the level; STRM refines it.
 #pragma once
 
 #include <array>
@@ -15,6 +16,7 @@
 #include "compmark/codec/coder/bits.hpp"
 #include "compmark/codec/container/network_coding.hpp"
 #include "compmark/codec/hac/hac_format.hpp"
+#include "compmark/codec/integer/coarse_bins.hpp"
 #include "compmark/codec/integer/intra_context.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/io/bytes.hpp"
@@ -22,10 +24,17 @@
 namespace compmark {
 
 struct HacPlusFormat : HacFormat {
-  static constexpr std::uint32_t intra = four_characters("INTR");
+  static constexpr std::uint32_t intra = four_characters("INTR"), step = four_characters("STEP"),
+                                 coarse = four_characters("COAR");
   static constexpr std::array<std::uint32_t, 10> known{meta,  tables,   geometry, hash,   context,
                                                        intra, networks, mask,     stream, digests};
-  static constexpr CodecSections sections{ContainerProfile::hac_plus, "HAC-plus", known, chunked, {}, 1};
+  static constexpr std::array<std::uint32_t, 12> known_with_level{meta, tables,   geometry, hash,   context, intra,
+                                                                  step, networks, mask,     coarse, stream,  digests};
+  static constexpr std::array<std::uint32_t, 3> chunked_with_level{mask, coarse, stream};
+  static constexpr CodecSections one_level{ContainerProfile::hac_plus, "HAC-plus", known, chunked, {}, 1};
+  /// Of a file that begins with a coarse level; names the sections of the others too.
+  static constexpr CodecSections sections{
+      ContainerProfile::hac_plus, "HAC-plus", known_with_level, chunked_with_level, {}, 1, coarse};
 };
 
 namespace detail {
@@ -66,6 +75,21 @@ namespace detail {
   }
   if (!reader.complete()) return bad_section("INTR", "does not end where it says");
   return context;
+}
+
+/// STEP: u8 thirds of features, of scales, of offsets.
+[[nodiscard]] inline std::vector<std::byte> encode_coarse_steps(const CoarseSteps& steps) {
+  ByteWriter writer;
+  for (const std::uint8_t thirds : steps.thirds) writer.put(thirds);
+  return writer.take();
+}
+[[nodiscard]] inline Result<CoarseSteps> decode_coarse_steps(std::span<const std::byte> payload) {
+  ByteReader reader(payload);
+  CoarseSteps steps;
+  for (std::uint8_t& thirds : steps.thirds) thirds = reader.get<std::uint8_t>();
+  if (!reader.complete() || !steps.valid())
+    return bad_section("STEP", "does not hold three numbers of 0 to 3 of which one is above 0");
+  return steps;
 }
 
 }  // namespace detail

@@ -55,6 +55,13 @@ struct IntraContext {
     context.spread_bias = context.near = context.near_spread = context.mean_bias;
     return context;
   }
+  /// Without what says how far off a scalar is: for values that are known roughly, and so look less far off.
+  [[nodiscard]] IntraContext without_spread() const {
+    IntraContext context = *this;
+    for (auto* part : {&context.spread, &context.spread_bias, &context.near_spread})
+      std::fill(part->begin(), part->end(), std::int16_t{0});
+    return context;
+  }
   /// All arrays, in the order of files.
   template <class Context>
   [[nodiscard]] static auto parts(Context& context) {
@@ -106,12 +113,16 @@ struct DeviationTables {
 }
 inline constexpr DeviationTables deviation_tables = make_deviation_tables();
 
-/// z of a coded symbol, Q9.
-[[nodiscard]] inline std::int32_t symbol_deviation(const HashPrediction& predicted, std::int32_t symbol) {
+/// z of a place in 1/32 bin, Q9.
+[[nodiscard]] inline std::int32_t place_deviation(const HashPrediction& predicted, std::int64_t place) {
   constexpr std::int64_t far = 1 << 20, most = IntraContext::greatest_deviation;
-  const std::int64_t distance = std::clamp(32 * std::int64_t{symbol} - predicted.mean, -far, far);
+  const std::int64_t distance = std::clamp(place - predicted.mean, -far, far);
   const std::int64_t inverse = deviation_tables.inverse[HashPrediction::table(predicted.level)];
   return static_cast<std::int32_t>(std::clamp(round_shift(distance * inverse, 20), -most, most));
+}
+/// z of a coded symbol, Q9.
+[[nodiscard]] inline std::int32_t symbol_deviation(const HashPrediction& predicted, std::int32_t symbol) {
+  return place_deviation(predicted, 32 * std::int64_t{symbol});
 }
 
 }  // namespace detail
@@ -161,8 +172,11 @@ class IntraState {
   }
   /// Scalar s is coded: returns its z. Scalars that are not coded are not told.
   std::int32_t tell(std::size_t s, const HashPrediction& predicted, std::int32_t symbol) {
-    const std::int32_t z = detail::symbol_deviation(predicted, symbol),
-                       size = std::abs(z) - IntraContext::usual_deviation;
+    return tell(s, detail::symbol_deviation(predicted, symbol));
+  }
+  /// The same by its z.
+  std::int32_t tell(std::size_t s, std::int32_t z) {
+    const std::int32_t size = std::abs(z) - IntraContext::usual_deviation;
     const std::size_t first = s + 1, count = context_->channels - first;
     const std::int16_t *const mean = context_->mean.data() + context_->row(s), *const spread = context_->spread.data() +
                                                                                                context_->row(s);

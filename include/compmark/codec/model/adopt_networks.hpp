@@ -115,6 +115,7 @@ inline void leave_room_for_steps(CodecModel& file) {
 inline void keep_context(const CodecModel& file, CodecModel& coded) {
   coded.context = file.context;
   coded.context_gs = file.context_gs;
+  coded.first_level = file.first_level;
   if (file.intra) coded.intra.emplace();  // its weights are found anew: they are those of the attributes
   const std::optional<TrainedContextGs>& trained = coded.trained_gs;
   if (!trained || !coded.context_gs) return;

@@ -14,6 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -33,7 +34,8 @@ namespace compmark {
 struct CodedModelSettings {
   TensorStorage networks = TensorStorage::half;
   StoredCameras cameras = StoredCameras::test;
-  bool intra = false;  ///< the codec is HAC-plus, which codes what was trained for HAC
+  bool intra = false;                      ///< the codec is HAC-plus, which codes what was trained for HAC
+  std::optional<CoarseSteps> first_level;  ///< with `intra`: CodecModel::first_level
 };
 
 namespace detail {
@@ -107,7 +109,10 @@ template <Recipe R>
   if (settings.intra && !coded.trained)
     return detail::coded_error("recipe", info.recipe + " is not trained for hac, whose models hac_plus codes",
                                "train with --codec hac");
-  if (settings.intra) coded.intra.emplace();
+  if (settings.intra) {
+    coded.intra.emplace();
+    coded.first_level = settings.first_level;
+  }
 
   for (const ArenaLayout::Block& part : model.arena.layout().blocks()) {
     if (part.kind != RowKind::fixed || part.role == BlockRole::context) continue;

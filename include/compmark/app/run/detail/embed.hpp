@@ -62,7 +62,7 @@ namespace detail {
 [[nodiscard]] inline Result<CodecModel> coded_unmarked(const RunPlan& plan) {
   const Result<AnyModel> model = AnyModel::open(plan.model, *plan.executor);
   if (!model) return model.error();
-  Result<CodecModel> coded = model->coded({});
+  Result<CodecModel> coded = model->coded({.intra = plan.intra});
   if (coded) return coded;
   return in_file(coded.error(), plan.model);
 }
@@ -189,6 +189,11 @@ class PassingFile {
     plan.notes.push_back(
         "exposures of the photographs stay in the unmarked model: the mark is in renders, and"
         " renders have no exposure");
+  if (plan.intra && recipe_codec(*recipe) != std::string_view("hac")) {
+    return Error{ErrorKind::invalid, plan.model.string(), "--codec",
+                 "is hac_plus, but the model's recipe is " + *recipe + ", which is not trained for hac",
+                 "leave the option out, or mark a model of compmark train --codec hac_plus"};
+  }
   if (!coded && distortion != EmbedDistortion::round) {
     return Error{ErrorKind::unsupported, plan.model.string(), "--distortion", "works with models for a codec only",
                  "leave the option out, or mark a model of compmark train --codec or fit-codec"};
@@ -262,6 +267,7 @@ COMPMARK_APP_INLINE Result<RunOutcome> embed_message(const EmbedSettings& settin
   plan.mark = settings.mark;
   plan.iterations = settings.iterations;
   plan.method = settings.method;
+  plan.intra = settings.codec == "hac_plus";
   plan.executor = &executor;
   plan.observer = &observer;
   return detail::embed_plan(std::move(plan), settings.distortion);

@@ -125,6 +125,7 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   }
   if (plan.lpips.family_range) files["--lpips-family-range"] = true;
   if (plan.mark.spread) files["--spread"] = *plan.mark.spread;
+  if (plan.intra) files["--codec"] = "hac_plus";  // of the others the recipe tells
   return nlohmann::json{{"settings", settings_json(settings)}, {"files", std::move(files)}}.dump();
 }
 
@@ -170,7 +171,7 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
     nlohmann::json files = before.value("files", nlohmann::json::object());
     if (files.contains("--twin")) files["--unmarked"] = files["--twin"];  // as the option was called
     for (const char* option : {"--model", "--key", "--decoder", "--unmarked", "--spread", "--lpips-alex",
-                               "--lpips-squeeze", "--lpips-family-range"})
+                               "--lpips-squeeze", "--lpips-family-range", "--codec"})
       differences.files(option, files.value(option, nlohmann::json()), now["files"].value(option, nlohmann::json()));
     compare_settings(flat_settings(before.value("settings", nlohmann::json::object())), flat_settings(now["settings"]),
                      differences);

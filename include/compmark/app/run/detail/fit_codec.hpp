@@ -61,6 +61,7 @@ COMPMARK_APP_INLINE Result<RunOutcome> fit_codec(const FitCodecSettings& wanted,
   plan.model = wanted.model;
   plan.mark = wanted.mark;
   plan.profile = "hac";
+  plan.intra = wanted.codec == "hac_plus";
   plan.iterations = wanted.iterations;
   plan.executor = &executor;
   plan.observer = &observer;
@@ -71,7 +72,7 @@ COMPMARK_APP_INLINE Result<RunOutcome> fit_codec(const FitCodecSettings& wanted,
     const Result<SafetensorsFile> file = read_safetensors(plan.model);
     if (!file) return file.error();
     Result<std::string> of_model = model_recipe(*file);
-    return of_model ? detail::fitted_recipe(*of_model, wanted.codec, plan.model) : of_model;
+    return of_model ? detail::fitted_recipe(*of_model, trained_codec(wanted.codec), plan.model) : of_model;
   }();
   if (!recipe) return recipe.error();
   plan.recipe = *recipe;

@@ -36,6 +36,7 @@ struct RunPlan : RunSettings {
   int harmonics = 3;                   ///< degree of the splat file that is marked
   std::filesystem::path model;         ///< the finished model that is marked, or that a codec is fitted to
   std::filesystem::path with_spread;   ///< the same with MarkSettings::spread, which is then what the mark begins with
+  bool intra = false;                  ///< the files of a model for HAC are HAC-plus (CodedModelSettings::intra)
   std::shared_ptr<const void> folder;  ///< holds `out` against other runs (run_folder.hpp)
   ThreadExecutor* executor = nullptr;
   RunObserver* observer = nullptr;

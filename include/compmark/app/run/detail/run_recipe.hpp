@@ -112,7 +112,7 @@ template <class Source, bool coded, class M>
     if (Result<Done> written = write_splat_ply(plan.out / splat_file_name, table, comments); !written) return written;
   }
   if constexpr (coded) {
-    Result<CodecModel> file = coded_model(model, data.info);
+    Result<CodecModel> file = coded_model(model, data.info, {.intra = plan.intra});
     if (!file) return in_file(file.error(), data.model);
     // The steps of the training, not those that would suit the marked symbols a little better.
     if (*inputs.unmarked_file) keep_context(**inputs.unmarked_file, *file);
@@ -167,7 +167,7 @@ template <class Source>
 template <class Source>
 [[nodiscard]] COMPMARK_ONCE Result<CodecModel> file_of_source(const RunPlan& plan, const LoadedModel<Source>& loaded,
                                                               bool room_for_steps) {
-  const Result<CodecModel> coded = coded_model(loaded.model, loaded.info);
+  const Result<CodecModel> coded = coded_model(loaded.model, loaded.info, {.intra = plan.intra});
   if (!coded) return in_file(coded.error(), plan.model);
   Result<CodecEncoded> file = encode_model(*coded, *plan.executor);
   if (!file) return in_file(file.error(), plan.model);

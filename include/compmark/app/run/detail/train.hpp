@@ -123,6 +123,7 @@ namespace detail {
   plan.simulated = chosen.simulated;
   plan.notes = chosen.notes;
   plan.mark = chosen.mark;
+  plan.intra = chosen.intra;
   plan.executor = &executor;
   plan.observer = &observer;
   return plan;
@@ -141,6 +142,7 @@ COMPMARK_APP_INLINE Result<RunOutcome> train_scene(const TrainSceneSettings& wan
   detail::TrainChoice chosen;
   static_cast<TrainSceneSettings&>(chosen) = wanted;
   if (Result<Done> free = check_unfinished(chosen.out, chosen.resume || chosen.force); !free) return free.error();
+  chosen.intra = chosen.codec == "hac_plus";
   const bool coded = chosen.codec != "none" || is_coded_recipe(chosen.recipe);
   if (coded && chosen.profile == "scaffold") chosen.profile = "hac";
   std::optional<TrainSettings> settings = profile_settings(chosen.profile);

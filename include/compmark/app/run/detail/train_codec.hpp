@@ -60,7 +60,7 @@ inline Result<Done> choose_codec(TrainChoice& chosen, bool recipe_given) {
                    "\"" + chosen.recipe + "\" is for fitting a codec to a finished model",
                    "use compmark fit-codec"};
     }
-    if (chosen.codec != "none" && chosen.codec != recipe_codec(chosen.recipe)) {
+    if (chosen.codec != "none" && trained_codec(chosen.codec) != recipe_codec(chosen.recipe)) {
       return Error{ErrorKind::invalid,
                    {},
                    "--codec",
@@ -70,8 +70,9 @@ inline Result<Done> choose_codec(TrainChoice& chosen, bool recipe_given) {
     chosen.codec = recipe_codec(chosen.recipe);
     return Done{};
   }
+  const std::string trained = trained_codec(chosen.codec);
   if (!recipe_given && !chosen.for_fit_codec && is_published_profile(chosen.profile)) {
-    chosen.recipe = chosen.codec;  // its numbers in the codec's own recipe
+    chosen.recipe = trained;  // its numbers in the codec's own recipe
     chosen.notes.push_back("recipe " + chosen.recipe);
     return Done{};
   }
@@ -87,10 +88,10 @@ inline Result<Done> choose_codec(TrainChoice& chosen, bool recipe_given) {
   // Masks before exposure: what a lens left empty must not count.
   const bool alpha = names("+alpha"), mask = !alpha && names("mask"),
              exposure = !alpha && !mask && names("+exposure") && exposes(chosen);
-  chosen.recipe = (chosen.for_fit_codec ? "scaffold" : chosen.codec) + (alpha      ? "+alpha"
-                                                                        : exposure ? "+exposure"
-                                                                        : mask     ? "+mask"
-                                                                                   : "");
+  chosen.recipe = (chosen.for_fit_codec ? "scaffold" : trained) + (alpha      ? "+alpha"
+                                                                   : exposure ? "+exposure"
+                                                                   : mask     ? "+mask"
+                                                                              : "");
   for (const auto& [effect, kept] :
        {std::pair{"alpha", alpha}, std::pair{"masks", mask}, std::pair{"exposure", exposure},
         std::pair{"anti_aliasing", false}, std::pair{"far_field", false}}) {

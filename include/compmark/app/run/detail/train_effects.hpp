@@ -34,6 +34,7 @@ struct TrainChoice : TrainSceneSettings {
   std::optional<std::array<double, 3>> probed_background;  ///< one colour around opaque photographs, in [0, 1]
   std::vector<std::string> simulated;                      ///< effects of the chosen recipe
   std::vector<std::string> notes;                          ///< why it was chosen
+  bool intra = false;                                      ///< RunPlan::intra
 };
 
 /// Recipe that a profile runs with unless another is given.
