@@ -6,8 +6,7 @@
 #
 # A header is given only what it includes itself, before its first declaration and under no condition, or what those include in this way. So nothing is
 # declared to it that it would not have alone, and one that forgets an #include still fails. (An #include lower down, or within #if, counts for nothing.)
-# Only what includes std::string may be precompiled: clang 14 declares __builtin_va_list again after a precompiled header that did not name it, and then
-# <string> does not compile. Those that save most are chosen, one after the other; the cost of a header is a guess by its lines and by the libraries that it includes.
+# Those that save most are chosen, one after the other; the cost of a header is a guess by its lines and by the libraries that it includes.
 BEGIN {
   if (!count) count = 24
   milliseconds["Eigen/Dense"] = 1200; milliseconds["Eigen/Core"] = 1000; milliseconds["nlohmann/json.hpp"] = 1400
@@ -51,7 +50,6 @@ END {
   for (chosen = 1; chosen <= count; ++chosen) {
     best = 0
     for (i = 1; i <= number; ++i) {
-      if (closure[files[i]] !~ / (string|filesystem|nlohmann\/json\.hpp) /) continue
       n = split(users[files[i]], list, " ")
       saved = -1.5 * cost[files[i]] # it is compiled once more, and written
       for (j = 1; j <= n; ++j) if (cost[files[i]] > spared[list[j]]) saved += cost[files[i]] - spared[list[j]]
