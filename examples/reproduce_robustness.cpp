@@ -45,7 +45,7 @@ struct Options {
   std::vector<fs::path> runs, copies;
   std::vector<std::string> also, pictures, models, pgd;
   fs::path out, key, decoder, unmarked;
-  std::size_t views = 8, informed_views = 1, threads = 0;
+  std::size_t views = 8, informed_views = 1, recipient = 0, threads = 0;
   std::uint64_t seed = 0;
 };
 
@@ -157,6 +157,7 @@ Result<Done> measure(const Scene& scene, const std::vector<Row>& rows, const Opt
   settings.views = options.views;
   settings.informed_views = options.informed_views;
   settings.seed = options.seed;
+  settings.recipient = options.recipient;
   const Result<Json> identity = identity_of(scene, settings);
   if (!identity) return identity.error();
   std::optional<compmark::RobustnessBench> bench;
@@ -194,6 +195,7 @@ int run(int argc, char** argv) {
   app.add_option("--run", options.runs, "folders of marked models, or folders of such folders")->required();
   app.add_option("--out", options.out, "folder of the tables")->required();
   app.add_option("--key", options.key, "the owner's key (default: owner.key in the run's folder or above it)");
+  app.add_option("--recipient", options.recipient, "whose copies the models are, where the key has recipients");
   app.add_option("--decoder", options.decoder, tool::reading_decoder_text);
   app.add_option("--unmarked", options.unmarked, "the unmarked model, for informed reading and for averaging");
   app.add_option("--copy", options.copies, "copies with other marks, for collusion");

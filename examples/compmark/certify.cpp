@@ -162,17 +162,19 @@ ReportInput page_of(const Certify& options, const Verified& verified, std::vecto
   if (verified.basis.claimed) sources.rows.emplace_back("SHA-256 of the claim", verified.basis.claim_sha256);
   if (!verified.basis.dated.empty()) sources.rows.emplace_back("its time stamp", verified.basis.dated);
   page.tables.push_back(std::move(sources));
-  page.tables.push_back({"What was tested",
-                         {{"null hypothesis",
-                           "the key was drawn at random, independently of the images and of the decoder: matches are "
-                           "Binomial(" +
-                               std::to_string(v.bits) + ", 1/2)"},
-                          {"false-positive rate", number(v.settings.false_positive_rate) + ", chosen before"},
-                          {"tests counted", std::to_string(v.settings.tries) + " (Bonferroni)"},
-                          {"matches needed", v.threshold ? std::to_string(*v.threshold) : "no number is enough"},
-                          {"p-value", number(v.evidence.p_value)},
-                          {"to repeat it", command_line(options)},
-                          {"to check the files", "sha256sum -c SHA256SUMS"}}});
+  page.tables.push_back(
+      {"What was tested",
+       {{"null hypothesis", "the key was drawn at random, independently of the images and of the decoder: " +
+                                (v.recipients ? "shared bits and the message of any copy are fair coins"
+                                              : "matches are Binomial(" + std::to_string(v.bits) + ", 1/2)")},
+        {"false-positive rate", number(v.settings.false_positive_rate) + ", chosen before"},
+        {"tests counted", std::to_string(v.settings.tries) + " (Bonferroni)"},
+        {"matches needed", v.recipients  ? "none: bits are weighted, and the p-value decides"
+                           : v.threshold ? std::to_string(*v.threshold)
+                                         : "no number is enough"},
+        {"p-value", number(v.evidence.p_value)},
+        {"to repeat it", command_line(options)},
+        {"to check the files", "sha256sum -c SHA256SUMS"}}});
   page.tables.push_back({"Limits", limits(verified)});
   return page;
 }

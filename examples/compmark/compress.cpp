@@ -34,7 +34,7 @@ Result<CoarseSteps> preview_steps(const std::string& text) {
   const Error error{ErrorKind::invalid,
                     {},
                     "--preview",
-                    "\"" + text + "\" is none",
+                    "\"" + text + "\" is no width of coarse steps",
                     "give none, 3, 9 or 27, or three of 1, 3, 9 and 27: features,scales,offsets, such as 3,9,9"};
   std::vector<std::uint8_t> thirds;
   std::istringstream words(text);
@@ -59,7 +59,7 @@ int compress(const CompressOptions& options) {
   settings.intra = options.codec == "hac_plus";
   if (options.preview != "none") {
     if (!settings.intra)
-      return fail({ErrorKind::invalid, {}, "--preview", "is of hac_plus files alone", "give --codec hac_plus too"});
+      return fail({ErrorKind::invalid, {}, "--preview", "is for hac_plus files only", "give --codec hac_plus too"});
     const Result<CoarseSteps> steps = preview_steps(options.preview);
     if (!steps) return fail(steps.error());
     settings.first_level = *steps;

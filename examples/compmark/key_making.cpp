@@ -48,8 +48,13 @@ Result<std::string> make_dated_key(KeySettings settings) {
           (settings.decoder.empty() ? "" : " --decoder " + settings.decoder.string()) + " --out " +
           settings.out.string() +
           ".claim\n      Publish its SHA-256 where others date it, before anybody else has anything of the scene.\n";
-  if (!match_threshold(key.bits, VerifySettings{}.false_positive_rate)) {
+  const double rate = VerifySettings{}.false_positive_rate, copies = static_cast<double>(key.recipients);
+  if (!match_threshold(key.bits, key.recipients == 0 ? rate : rate / (2 * copies))) {
     print_warning(std::to_string(key.bits) + " bits can never be evidence at a false-positive rate of 1e-06");
+  } else if (key.recipients != 0 && !match_threshold(shared_bits(key.bits), rate / 2)) {
+    print_warning("of " + std::to_string(key.bits) + " bits, the " + std::to_string(shared_bits(key.bits)) +
+                  " that all copies share are no evidence by themselves at a false-positive rate of 1e-06: copies that "
+                  "are averaged will not be proven. Make the key with 48 or 64 bits");
   }
   return text;
 }

@@ -197,6 +197,7 @@ struct Scene {
   const Result<compmark::OwnerKey> key = compmark::open_key(scene.key);
   if (!key) return key.error();
   of["key_commitment"] = key->commitment();
+  if (settings.recipient != 0) of["recipient"] = settings.recipient;
   if (!scene.unmarked.empty()) of["informed_views"] = settings.informed_views;
   return of;
 }

@@ -87,6 +87,11 @@ TEST_CASE("tool: a key for recipients says how many, and what is wrong with a nu
   done("keygen --recipients 30 --from " + at("new.key") + " --out " + at("more.key"));
   CHECK(json_of(at("more.key"))["secret"] == json_of(at("new.key"))["secret"]);
   CHECK(json_of(at("more.key"))["commitment"] != json_of(at("new.key"))["commitment"]);
+  // 16 shared bits are 3e-5 at best: said when the key is made.
+  const Outcome weak = tool("keygen --quick --bits 32 --recipients 20 --out " + at("weak.key"));
+  CHECK(weak.code == 0);
+  CHECK(weak.text.find("copies that are averaged will not be proven") != std::string::npos);
+  CHECK(made.text.find("will not be proven") == std::string::npos);
   check_refused(tool("keygen --recipients 1 --out " + at("x.key")), {"--recipients", "2"});
   check_refused(tool("keygen --recipients 20000 --out " + at("x.key")), {"--recipients", "16777"});
   check_refused(tool("keygen --recipients 2 --bits 16 --out " + at("x.key")), {"--recipients", "48 or 64"});
@@ -115,7 +120,15 @@ TEST_CASE("tool: whose copy leaked is told from its renders; of two that are ave
   CHECK(mixed["recipients"]["shared"]["matches"].get<int>() >= 23);
   CHECK(mixed["recipients"]["naming"]["undecided"].get<int>() >= 6);
   for (const nlohmann::json& named : mixed["recipients"]["named"]) CHECK(named["recipient"].get<int>() <= 2);
-  // Negative controls: another key, and what nobody marked.
+  // Who goes on with the copy of another is told so.
+  check_refused(tool(embedding() + at("copy1") + " --recipient 2 --resume"), {"--recipient"});
+  // Negative controls: another key, and what nobody marked (read blind: less itself it says nothing at all).
+  done("render --split all --model " + unmarked() + " --out " + at("unmarked_renders"));
+  const Outcome blind = tool("verify --images " + at("unmarked_renders") + " --key " + at("owner.key") + " --decoder " +
+                             at("decoder.safetensors") + " --json " + at("proof.json"));
+  REQUIRE(blind.code == 1);
+  CHECK(json_of(at("proof.json"))["verdict"] == "not_detected");
+  CHECK(json_of(at("proof.json"))["recipients"]["named"].empty());
   for (const auto& [model, key] :
        {std::pair(at("mixed.safetensors"), "other.key"), std::pair(copy_for(1), "other.key")}) {
     const nlohmann::json nothing = report(model, key);

@@ -287,6 +287,7 @@ TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused 
   CHECK(field_of([](EmbedSettings& s) { s.mark.calibrate_steps = 20; }) == "--calibrate-steps");
   CHECK(field_of([](EmbedSettings& s) { s.mark.bits = 16; }) == "bits");
   CHECK(field_of([](EmbedSettings& s) { s.mark.spread = 20; }) == "--spread");
+  CHECK(field_of([](EmbedSettings& s) { s.codec = "hac_puls"; }) == "--codec");
   CHECK(field_of([](EmbedSettings& s) {
           s.mark.fidelity = 0;
           s.mark.fall = 1;

@@ -15,6 +15,7 @@ TEST_CASE("app/run/run_settings: any number of a mark makes one wanted") {
   CHECK(wanted([](auto& m) { m.key = "owner.key"; }));
   CHECK(wanted([](auto& m) { m.decoder = "decoder.safetensors"; }));
   CHECK(wanted([](auto& m) { m.fidelity = 0; }));
+  CHECK(wanted([](auto& m) { m.recipient = 2; }));
   CHECK(wanted([](auto& m) { m.spread = 50; }));
   CHECK(wanted([](auto& m) { m.message_every = 2; }));
   CHECK(wanted([](auto& m) { m.for_compression = true; }));

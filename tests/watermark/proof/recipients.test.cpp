@@ -169,6 +169,24 @@ TEST_CASE("proof/recipients: a leaked copy proves the owner and names its recipi
   CHECK(json["recipients"]["number"] == 10);
   CHECK(json["recipients"]["shared"]["bits"] == 24);
   CHECK(json["recipients"]["named"][0]["recipient"] == 4);
+  // What each view says of the nearest of ten copies is chosen among them.
+  CHECK(found.views[0].p_value == doctest::Approx(10 * std::ldexp(1.0, -48)));
+  // Where even all bits would not do, nothing is said against the key.
+  VerifySettings many;
+  many.tries = 1'000'000'000'000;
+  CHECK(verified(key, found.fused, many).verdict == Verdict::inconclusive);
+  CHECK(verified(recipients_key(12), found.fused, many).verdict == Verdict::inconclusive);
+  many.tries = 1000;
+  CHECK(verified(recipients_key(12), found.fused, many).verdict == Verdict::not_detected);
+  // A copy whose message is read too badly to prove the owner: its recipient is named once a spread mark proves him.
+  std::vector<double> weak = colluded_logits({copy_of(key, 4)}, Mixing::average, 0.3, noise_of(1));
+  for (std::size_t i = 0; i < 48; i += 5) weak[i] = -weak[i];
+  Verification both = verified(key, weak);
+  CHECK(both.verdict != Verdict::detected);
+  CHECK_FALSE(both.recipients->owner_proven);
+  CHECK(report_text(both).find("nobody is named") != std::string::npos);
+  both.recipients->owner_proven = true;
+  CHECK(report_text(both).find("nobody is named") == std::string::npos);
   // Another key's: nothing is proven, and nobody is named.
   const Verification other = verified(recipients_key(12), found.fused);
   CHECK(other.verdict == Verdict::not_detected);

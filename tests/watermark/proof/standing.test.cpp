@@ -166,6 +166,9 @@ TEST_CASE("watermark/proof/standing: a year of one processor core, by the kind o
   CHECK(quick * std::exp2(-48) > 1e-6);
   key.hardness = 18;
   CHECK(keys_a_cheat_could_try(key) == hard / 2);
+  key.recipients = 10;  // and any other number could be said afterwards
+  CHECK(keys_a_cheat_could_try(key) == 8 * (hard / 2));
+  key.recipients = 0;
   key.payload = "5eed";  // 16 bits, each of which is another message of one derivation
   key.corrects = 4;
   CHECK(keys_a_cheat_could_try(key) == hard / 2 * std::exp2(16));

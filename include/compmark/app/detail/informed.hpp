@@ -257,6 +257,10 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   if (!message) return message.error();
   result.report.verification = std::move(*message);
   result.together = both_verdicts(result.report.verification, result.spread);
+  if (result.together.recipients && result.together.verdict == Verdict::detected) {
+    result.together.recipients->owner_proven = true;
+    result.report.verification.recipients->owner_proven = true;
+  }
   return result;
 }
 

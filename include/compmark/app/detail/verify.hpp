@@ -40,7 +40,10 @@ COMPMARK_APP_INLINE Result<VerificationReport> verify_either_way(const OwnerKey&
   if (!mirrored) return mirrored;
   report->mirrored = false;
   mirrored->mirrored = true;
-  return mirrored->verification.evidence.matches > report->verification.evidence.matches ? mirrored : report;
+  const Evidence &as_is = report->verification.evidence, &turned = mirrored->verification.evidence;
+  // With recipients the matches are those of the nearest copy, and the p-value decides.
+  const bool by_p = report->verification.recipients.has_value();
+  return (by_p ? turned.p_value < as_is.p_value : turned.matches > as_is.matches) ? mirrored : report;
 }
 
 }  // namespace compmark

@@ -26,7 +26,9 @@ struct RecipientTrace {
   std::size_t undecided = 0;    ///< of them: a quarter of the usual weight or less, since copies may differ there
   double rate = 0;              ///< of naming anybody who had no part
   RecipientEvidence nearest{};  ///< the recipient of the highest score, named or not
-  std::vector<RecipientEvidence> named{};  ///< by score, the highest first; only where the owner's key is detected
+  /// By score, the highest first: who is named where the owner is proven, and of whom nothing is said elsewhere.
+  std::vector<RecipientEvidence> named{};
+  bool owner_proven = false;  ///< by the message, or by a spread mark read beside it
 };
 
 }  // namespace compmark

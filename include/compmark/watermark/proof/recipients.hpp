@@ -94,7 +94,8 @@ template <RecipientKey K>
 
 /// Tests a key against the logits of one or more views: verify_message of its message or, with recipients, both
 /// questions. Then `evidence` has the matches of the nearest copy's message and the p-value of both tests together,
-/// `views` the matches with that message, for information, and `threshold` what it takes by matches alone.
+/// `views` the matches with that message and their p-values times the number of copies, for information, and `threshold`
+/// what it takes by the matches of one copy alone.
 template <SecretKey K>
 [[nodiscard]] Result<Verification> verify_key(const K& key, std::span<const ViewLogits> views,
                                               const VerifySettings& settings = {}) {
@@ -112,14 +113,19 @@ template <SecretKey K>
       Result<Verification> result = verify_message(code.message(key, trace.nearest.number), views, settings);
       if (!result) return result;
       const double copies = static_cast<double>(key.recipients);
+      for (Evidence& view : result->views) view.p_value = std::fmin(1, copies * view.p_value);  // the nearest of all
       result->evidence.p_value = std::fmin(1, std::fmin(2 * trace.shared_p_value, 2 * copies * trace.copy_p_value));
       result->p_corrected = std::fmin(1, result->evidence.p_value * static_cast<double>(settings.tries));
       result->threshold =
           match_threshold(result->bits, rate_per_try(settings.false_positive_rate, settings.tries) / (2 * copies));
-      result->verdict = result->p_corrected <= settings.false_positive_rate ? Verdict::detected
-                        : result->p_corrected <= settings.suspicion         ? Verdict::inconclusive
-                                                                            : Verdict::not_detected;
-      if (result->verdict != Verdict::detected) trace.named.clear();
+      // Where not even all bits would be enough, nothing is said against the key (as verify_message has it).
+      const double least = 2 * std::fmin(std::exp2(-static_cast<double>(trace.shared_bits)),
+                                         copies * std::exp2(-static_cast<double>(result->bits)));
+      const bool reachable = least * static_cast<double>(settings.tries) <= settings.false_positive_rate;
+      result->verdict = result->p_corrected <= settings.false_positive_rate       ? Verdict::detected
+                        : !reachable || result->p_corrected <= settings.suspicion ? Verdict::inconclusive
+                                                                                  : Verdict::not_detected;
+      trace.owner_proven = result->verdict == Verdict::detected;
       result->recipients = std::move(trace);
       return result;
     }

@@ -147,7 +147,9 @@ template <class Json>
                     {"correction", "Bonferroni"}};
   json["nearest"] = of(trace.nearest);
   json["named"] = Json::array();
-  for (const RecipientEvidence& one : trace.named) json["named"].push_back(of(one));
+  if (trace.owner_proven) {
+    for (const RecipientEvidence& one : trace.named) json["named"].push_back(of(one));
+  }
   return json;
 }
 
@@ -170,7 +172,8 @@ template <class Json>
   test["false_positive_rate"] = v.settings.false_positive_rate;
   test["tests_counted"] = v.settings.tries;
   test["correction"] = "Bonferroni";
-  test["threshold_matches"] = v.threshold ? Json(*v.threshold) : Json(nullptr);
+  // With recipients bits are weighted, and no number of matches decides.
+  test["threshold_matches"] = v.threshold && !v.recipients ? Json(*v.threshold) : Json(nullptr);
   test["inconclusive_up_to"] = v.settings.suspicion;
   test["fusion"] = std::string(fusion_name(v.settings.fusion));
   if (v.recipients) {
@@ -212,20 +215,24 @@ namespace detail {
          "\ncopy        the nearest of " + std::to_string(trace.recipients) + " is that of recipient " +
          std::to_string(trace.nearest.number) + ": " + std::to_string(v.evidence.matches) + " of all " +
          std::to_string(v.bits) + " bits, p " + short_number(trace.copy_p_value) +
-         " for this one; bits count by how clearly they are read\np-value     " + short_number(v.evidence.p_value) +
+         " before it is corrected for all copies; clear bits count more\np-value     " +
+         short_number(v.evidence.p_value) +
          ": so likely a key drawn at random, without knowing the images and the decoder, would match at least as well,"
          " by its shared bits or by any copy's message\n";
 }
 /// Whose copy it is.
 [[nodiscard]] inline std::string recipient_lines(const Verification& v) {
-  if (v.verdict != Verdict::detected) return "recipient   nobody is named where the owner's mark is not detected\n";
   const RecipientTrace& trace = *v.recipients;
+  if (!trace.owner_proven) return "recipient   nobody is named where the owner's mark is not detected\n";
+  const std::string corrected =
+      std::to_string(trace.recipients) + " recipients" +
+      (v.settings.tries > 1 ? " and " + std::to_string(v.settings.tries) + " tests " : std::string(" "));
   std::string text, rate = short_number(trace.rate);
   for (const RecipientEvidence& one : trace.named) {
     text += "recipient   " + std::to_string(one.number) + ": " + std::to_string(one.matches) + " of the " +
             std::to_string(trace.naming_bits) + " bits that name recipients, p " + short_number(one.p_value) +
-            "; corrected for " + std::to_string(trace.recipients) + " recipients " + short_number(one.p_corrected) +
-            ", at most " + rate + " for anybody who had no part\n";
+            "; corrected for " + corrected + short_number(one.p_corrected) + ", at most " + rate +
+            " for anybody who had no part\n";
   }
   if (text.empty()) {
     text = "recipient   no single recipient can be named at a rate of " + rate + ": the nearest, " +

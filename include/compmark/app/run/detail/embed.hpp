@@ -137,11 +137,15 @@ class PassingFile {
 /// message is then held to what that renders, so that both marks are in what the run writes. It is made anew by a run
 /// that is resumed: the same bytes, in seconds.
 [[nodiscard]] inline Result<std::unique_ptr<PassingFile>> spread_before_message(RunPlan& plan) {
-  if (!plan.mark.spread) return std::make_unique<PassingFile>(std::filesystem::path());
+  const std::filesystem::path file = plan.out / ".spread.safetensors";
+  std::error_code status;
+  if (!plan.mark.spread && !std::filesystem::exists(file, status))
+    return std::make_unique<PassingFile>(std::filesystem::path());
   if (Result<Done> held = hold_run(plan); !held) return held.error();
   const Result<OwnerKey> key = open_key(plan.mark.key);
   if (!key) return key.error();
-  auto made = std::make_unique<PassingFile>(plan.out / ".spread.safetensors");
+  auto made = std::make_unique<PassingFile>(file);
+  if (!plan.mark.spread) return made;  // one that a killed run has left goes with this one
   const SpreadMarkSettings settings{plan.model, made->path(), *plan.mark.spread};
   const Result<SpreadMarked> marked = mark_spread(*key, settings, *plan.executor);
   if (!marked) return in_option(marked.error(), "--spread");
@@ -267,6 +271,13 @@ COMPMARK_APP_INLINE Result<RunOutcome> embed_message(const EmbedSettings& settin
   plan.mark = settings.mark;
   plan.iterations = settings.iterations;
   plan.method = settings.method;
+  if (settings.codec != "trained" && settings.codec != "hac_plus") {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--codec",
+                 "\"" + settings.codec + "\" is none that a mark can choose",
+                 "give hac_plus for a model that was trained for hac, or trained for the codec of the model"};
+  }
   plan.intra = settings.codec == "hac_plus";
   plan.executor = &executor;
   plan.observer = &observer;

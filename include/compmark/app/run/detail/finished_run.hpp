@@ -170,7 +170,7 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   if (before.is_object()) {
     nlohmann::json files = before.value("files", nlohmann::json::object());
     if (files.contains("--twin")) files["--unmarked"] = files["--twin"];  // as the option was called
-    for (const char* option : {"--model", "--key", "--decoder", "--unmarked", "--spread", "--lpips-alex",
+    for (const char* option : {"--model", "--key", "--decoder", "--unmarked", "--spread", "--recipient", "--lpips-alex",
                                "--lpips-squeeze", "--lpips-family-range", "--codec"})
       differences.files(option, files.value(option, nlohmann::json()), now["files"].value(option, nlohmann::json()));
     compare_settings(flat_settings(before.value("settings", nlohmann::json::object())), flat_settings(now["settings"]),
