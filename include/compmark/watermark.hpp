@@ -113,6 +113,7 @@
 #include "compmark/watermark/proof/key.hpp"
 #include "compmark/watermark/proof/message.hpp"
 #include "compmark/watermark/proof/recipient_code.hpp"
+#include "compmark/watermark/proof/recipient_report.hpp"
 #include "compmark/watermark/proof/recipient_score.hpp"
 #include "compmark/watermark/proof/recipient_trace.hpp"
 #include "compmark/watermark/proof/recipients.hpp"

@@ -9,10 +9,8 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
-#include <cstdio>
 #include <optional>
 #include <span>
 #include <string>
@@ -25,6 +23,7 @@
 #include "compmark/core/views.hpp"
 #include "compmark/watermark/decoder/concept.hpp"
 #include "compmark/watermark/proof/message.hpp"
+#include "compmark/watermark/proof/recipient_report.hpp"
 #include "compmark/watermark/proof/verify.hpp"
 
 namespace compmark {
@@ -105,12 +104,6 @@ template <class Json>
 [[nodiscard]] Json text_or_null(const std::string& text) {
   return text.empty() ? Json(nullptr) : Json(text);
 }
-/// "1.2e-07"
-[[nodiscard]] inline std::string short_number(double value, const char* format = "%.2g") {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), format, value);
-  return text.data();
-}
 }  // namespace detail
 
 /// Decoder, model and key of a report or an extraction; entries that are empty are null. `unmarked` and
@@ -127,30 +120,6 @@ void add_sources(Json& json, const ReportSources& s) {
                    {"sha256", detail::text_or_null<Json>(s.model_sha256)}};
   if (!s.unmarked.empty()) json["unmarked"] = {{"file", s.unmarked}, {"sha256", s.unmarked_sha256}};
   if (!s.interference.empty()) json["interference"] = {{"file", s.interference}, {"sha256", s.interference_sha256}};
-}
-
-/// The entry "recipients" of a report: what recipients.hpp finds.
-template <class Json>
-[[nodiscard]] Json recipients_json(const RecipientTrace& trace) {
-  const auto of = [](const RecipientEvidence& one) {
-    Json json{{"recipient", one.number}, {"matches", one.matches}};
-    json["p_value"] = one.p_value, json["p_corrected"] = one.p_corrected;
-    return json;
-  };
-  Json json;
-  json["number"] = trace.recipients;
-  json["shared"] = {{"bits", trace.shared_bits}, {"matches", trace.shared_matches}, {"p_value", trace.shared_p_value}};
-  json["copy"] = {{"recipient", trace.nearest.number}, {"p_value", trace.copy_p_value}};
-  json["naming"] = {{"bits", trace.naming_bits},
-                    {"undecided", trace.undecided},
-                    {"false_name_rate", trace.rate},
-                    {"correction", "Bonferroni"}};
-  json["nearest"] = of(trace.nearest);
-  json["named"] = Json::array();
-  if (trace.owner_proven) {
-    for (const RecipientEvidence& one : trace.named) json["named"].push_back(of(one));
-  }
-  return json;
 }
 
 /// Schema "compmark.verification.1" (docs/verification.md).
@@ -205,47 +174,6 @@ template <class Json>
   }
   return json;
 }
-
-namespace detail {
-/// The lines of a report on the bits that all copies share, and on the nearest copy.
-[[nodiscard]] inline std::string owner_lines(const Verification& v) {
-  const RecipientTrace& trace = *v.recipients;
-  return "shared      " + std::to_string(trace.shared_matches) + " of the " + std::to_string(trace.shared_bits) +
-         " bits that all copies share match, p " + short_number(trace.shared_p_value) +
-         "\ncopy        the nearest of " + std::to_string(trace.recipients) + " is that of recipient " +
-         std::to_string(trace.nearest.number) + ": " + std::to_string(v.evidence.matches) + " of all " +
-         std::to_string(v.bits) + " bits, p " + short_number(trace.copy_p_value) +
-         " before it is corrected for all copies; clear bits count more\np-value     " +
-         short_number(v.evidence.p_value) +
-         ": so likely a key drawn at random, without knowing the images and the decoder, would match at least as well,"
-         " by its shared bits or by any copy's message\n";
-}
-/// Whose copy it is.
-[[nodiscard]] inline std::string recipient_lines(const Verification& v) {
-  const RecipientTrace& trace = *v.recipients;
-  if (!trace.owner_proven) return "recipient   nobody is named where the owner's mark is not detected\n";
-  const std::string corrected =
-      std::to_string(trace.recipients) + " recipients" +
-      (v.settings.tries > 1 ? " and " + std::to_string(v.settings.tries) + " tests " : std::string(" "));
-  std::string text, rate = short_number(trace.rate);
-  for (const RecipientEvidence& one : trace.named) {
-    text += "recipient   " + std::to_string(one.number) + ": " + std::to_string(one.matches) + " of the " +
-            std::to_string(trace.naming_bits) + " bits that name recipients, p " + short_number(one.p_value) +
-            "; corrected for " + corrected + short_number(one.p_corrected) + ", at most " + rate +
-            " for anybody who had no part\n";
-  }
-  if (text.empty()) {
-    text = "recipient   no single recipient can be named at a rate of " + rate + ": the nearest, " +
-           std::to_string(trace.nearest.number) + ", has a corrected p of " + short_number(trace.nearest.p_corrected) +
-           "\n";
-  }
-  if (4 * trace.undecided >= trace.naming_bits) {
-    text += "undecided   " + std::to_string(trace.undecided) + " of the " + std::to_string(trace.naming_bits) +
-            " bits that name recipients: copies may have been mixed, or the mark is weak\n";
-  }
-  return text;
-}
-}  // namespace detail
 
 /// What was read and how likely chance reads it, for whoever has to decide: all lines of a report but the verdict. Each
 /// ends with '\n'.
