@@ -85,8 +85,9 @@ namespace detail {
 }
 [[nodiscard]] inline Result<CoarseSteps> decode_coarse_steps(std::span<const std::byte> payload) {
   ByteReader reader(payload);
-  CoarseSteps steps;
-  for (std::uint8_t& thirds : steps.thirds) thirds = reader.get<std::uint8_t>();
+  const std::uint8_t features = reader.get<std::uint8_t>(), scales = reader.get<std::uint8_t>(),
+                     offsets = reader.get<std::uint8_t>();
+  const CoarseSteps steps{{features, scales, offsets}};
   if (!reader.complete() || !steps.valid())
     return bad_section("STEP", "does not hold three numbers of 0 to 3 of which one is above 0");
   return steps;

@@ -34,8 +34,8 @@ namespace compmark {
 struct CodedModelSettings {
   TensorStorage networks = TensorStorage::half;
   StoredCameras cameras = StoredCameras::test;
-  bool intra = false;                      ///< the codec is HAC-plus, which codes what was trained for HAC
-  std::optional<CoarseSteps> first_level;  ///< with `intra`: CodecModel::first_level
+  bool intra = false;                        ///< the codec is HAC-plus, which codes what was trained for HAC
+  std::optional<CoarseSteps> first_level{};  ///< with `intra`: CodecModel::first_level
 };
 
 namespace detail {
