@@ -29,8 +29,9 @@ void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up);
 /// --recipient, of a key with recipients.
 void add_recipient(Options& app, std::size_t& recipient);
 
-/// --bits, --key, --recipient, --decoder, --period, --tone, --unmarked, --message-weight, --message-margin, --message-power,
-/// --message-rate, --step-rate, --fidelity, --fidelity-fall, --sample-by-loss, --orbit, --calibrate-steps, --message-every, --for-compression
+/// --bits, --key, --recipient, --decoder, --period, --tone, --unmarked, --message-weight, --message-margin,
+/// --message-power, --message-rate, --step-rate, --fidelity, --fidelity-fall, --sample-by-loss, --orbit, --edits,
+/// --lost-anchors, --spread, --calibrate-steps, --message-every, --for-compression
 void add_mark_options(Options& app, compmark::MarkSettings& options, bool required);
 
 /// The files of a run, from its options.

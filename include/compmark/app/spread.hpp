@@ -26,6 +26,12 @@ namespace compmark {
 
 /// Decibels between renders that a spread mark may have.
 inline constexpr double least_spread_psnr = 30, largest_spread_psnr = 80;
+/// An error of `option` if a spread mark cannot have these decibels.
+[[nodiscard]] inline Result<Done> check_spread_psnr(double psnr, const char* option) {
+  if (psnr >= least_spread_psnr && psnr <= largest_spread_psnr) return Done{};
+  return Error{
+      ErrorKind::invalid, {}, option, "is not between 30 and 80 dB", "50 is seen by nobody, and proven by one picture"};
+}
 
 /// Errors name these fields as the tool's options do ("--model").
 struct SpreadMarkSettings {

@@ -100,13 +100,7 @@ COMPMARK_APP_INLINE Result<double> SpreadReader::add(ImageView<const float> pict
 
 COMPMARK_APP_INLINE Result<SpreadMarked> mark_spread(const OwnerKey& key, const SpreadMarkSettings& settings,
                                                      ThreadExecutor& executor, const WorkObserver& observer) {
-  if (!(settings.psnr >= least_spread_psnr && settings.psnr <= largest_spread_psnr)) {
-    return Error{ErrorKind::invalid,
-                 {},
-                 "--psnr",
-                 "is not between 30 and 80 dB",
-                 "50 is seen by nobody, and proven by one picture"};
-  }
+  if (Result<Done> can = check_spread_psnr(settings.psnr, "--psnr"); !can) return can.error();
   Result<AnyModel> model = AnyModel::open(settings.model, executor);
   if (!model) return model.error();
   const Result<SpreadReader> reader = SpreadReader::make(*model, executor);

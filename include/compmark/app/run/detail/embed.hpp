@@ -75,12 +75,7 @@ namespace detail {
                  "is for models whose anchors have features, and splats of other programs have none",
                  "leave the option out, or make a model of them with compmark adopt"};
   }
-  if (*plan.mark.spread >= least_spread_psnr && *plan.mark.spread <= largest_spread_psnr) return Done{};
-  return Error{ErrorKind::invalid,
-               {},
-               "--spread",
-               "is not between 30 and 80 dB",
-               "50 is seen by nobody, and proven by one picture"};
+  return check_spread_psnr(*plan.mark.spread, "--spread");
 }
 
 /// An error if plan.mark cannot be hidden in a finished model of plan.recipe; asked before hours of work.

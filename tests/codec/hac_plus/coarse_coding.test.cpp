@@ -51,61 +51,7 @@ CodecDecoded first_level(const std::vector<std::byte>& bytes) {
   return *begun;
 }
 
-TEST_CASE("hac_plus/coarse_level: a coarse bin and a bin of it cost what the symbol costs, and give it back") {
-  const GaussianTables tables;
-  double worst = 0, excess = 0;
-  int count = 0;
-  for (const std::uint8_t thirds : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}}) {
-    const std::int32_t width = CoarseSteps::width_of(thirds);
-    for (std::int32_t level = -5000; level <= 12000; level += 1700) {
-      for (std::int32_t mean = -3000; mean <= 3000; mean += 333) {
-        const SymbolModel fine{static_cast<std::uint16_t>(HashPrediction::table(level)), mean};
-        for (const std::int32_t away : {-2, 0, 1}) {
-          const double sigma = std::exp2(level / 2048.0);
-          const auto symbol = static_cast<std::int32_t>(std::lround(mean / 32.0 + away * sigma));
-          const std::int32_t coarse = detail::coarse_symbol(symbol, width);
-          REQUIRE(std::abs(symbol - coarse * width) <= width / 2);
-          const detail::CoarseBin bin(tables, fine, coarse, width, -greatest_symbol);
-          double sum = 0;
-          for (std::int32_t k = coarse * width - width / 2; k <= coarse * width + width / 2; ++k)
-            sum += bin.probability(k);
-          REQUIRE(sum == doctest::Approx(1));
-          detail::BitsOut out;
-          REQUIRE(bin.code(out, symbol) == symbol);
-          const std::vector<std::byte> bytes = out.finish();
-          detail::BitsIn in(bytes);
-          REQUIRE(bin.code(in, 0) == symbol);
-          REQUIRE(in.complete());
-          REQUIRE(std::abs(bin.middle() - 32 * std::int64_t{coarse} * width) <= 16 * width);
-          const double parts = ideal_bits(tables, detail::coarse_model(mean, level, thirds), coarse) -
-                               std::log2(bin.probability(symbol));
-          const double more = parts - ideal_bits(tables, fine, symbol);
-          worst = std::max(worst, more);
-          excess += more;
-          ++count;
-        }
-      }
-    }
-  }
-  CAPTURE(worst);
-  CHECK(std::abs(excess / count) < 0.03);
-}
-
-TEST_CASE("hac_plus/coarse_level: bins below the least symbol have no share, and ask for no bit") {
-  const GaussianTables tables;
-  const SymbolModel model{static_cast<std::uint16_t>(HashPrediction::table(0)), 0};
-  const detail::CoarseBin bin(tables, model, 0, 3, 0);
-  CHECK(bin.probability(-1) == 0);
-  CHECK(bin.probability(0) > bin.probability(1));
-  CHECK(bin.middle() > 0);
-  const detail::CoarseBin one(tables, model, 0, 3, 1);
-  detail::BitsOut out;
-  CHECK(one.code(out, 1) == 1);
-  CHECK(out.finish().empty());
-  CHECK(one.middle() == 32);
-}
-
-TEST_CASE("hac_plus/coarse_level: the whole file is that of one level to the last bit, its beginning a coarse model") {
+TEST_CASE("hac_plus/coarse_coding: the whole file is that of one level to the last bit, its beginning a coarse model") {
   const testing::CodecModelShape shape{.anchors = 1500, .feature_dim = 12, .chunk_anchors = 512, .hidden = 12};
   const CodecEncoded one = encoded(make_correlated_model(1, shape));
   CHECK(levels_of(one.bytes).size() == 1);
@@ -146,7 +92,7 @@ TEST_CASE("hac_plus/coarse_level: the whole file is that of one level to the las
   }
 }
 
-TEST_CASE("hac_plus/coarse_level: chunks that have arrived are fine, and too short a beginning is refused") {
+TEST_CASE("hac_plus/coarse_coding: chunks that have arrived are fine, and too short a beginning is refused") {
   const testing::CodecModelShape shape{.anchors = 300, .chunk_anchors = 64};
   const CodecEncoded one = encoded(make_correlated_model(4, shape));
   const CodecEncoded file = encoded(with_level(one, nines));
@@ -178,7 +124,7 @@ TEST_CASE("hac_plus/coarse_level: chunks that have arrived are fine, and too sho
   CHECK(begun(file.bytes.size())->verified);
 }
 
-TEST_CASE("hac_plus/coarse_level: bytes and both levels are the same at any number of threads") {
+TEST_CASE("hac_plus/coarse_coding: bytes and both levels are the same at any number of threads") {
   const CodecModel model = coarse_model_of(make_correlated_model(5, {.anchors = 700}));
   testing::check_any_threads(model);
   testing::check_round_trip(model);
@@ -210,14 +156,14 @@ const std::vector<std::byte>& good_coarse() {
   return bytes;
 }
 
-TEST_CASE("hac_plus/coarse_level: every flipped bit, every truncation and random payloads are found") {
+TEST_CASE("hac_plus/coarse_coding: every flipped bit, every truncation and random payloads are found") {
   testing::check_flipped_bits(good_coarse(), 9, true);
   testing::check_truncations(good_coarse());
   testing::check_random_payloads(good_coarse(), 150);
   testing::check_digests(good_coarse());
 }
 
-TEST_CASE("hac_plus/coarse_level: a beginning with a flipped bit is refused, or coarse where the bit is") {
+TEST_CASE("hac_plus/coarse_coding: a beginning with a flipped bit is refused, or coarse where the bit is") {
   const std::size_t first = levels_of(good_coarse())[0].end;
   for (std::size_t i = 0; i < first; i += 7) {
     std::vector<std::byte> damaged(good_coarse().begin(),
@@ -227,7 +173,7 @@ TEST_CASE("hac_plus/coarse_level: a beginning with a flipped bit is refused, or 
   }
 }
 
-TEST_CASE("hac_plus/coarse_level: steps that are none, and sections that are missing") {
+TEST_CASE("hac_plus/coarse_coding: steps that are none, and sections that are missing") {
   const auto step_error = [](std::vector<std::byte> bytes) {
     return testing::error_of_forged(good_coarse(), [&](File& file) { file.of(HacPlusFormat::step).bytes = bytes; });
   };
@@ -263,7 +209,7 @@ std::string arrays_digest(const CodecModel& model) {
 }
 
 // As container/golden.test.cpp: written once (COMPMARK_WRITE_GOLDEN=<folder>), read for ever.
-TEST_CASE("hac_plus/coarse_level: a file of the first day decodes to what it was, and so does its beginning") {
+TEST_CASE("hac_plus/coarse_coding: a file of the first day decodes to what it was, and so does its beginning") {
   const std::filesystem::path path = "tests/golden/codec/hac_plus_coarse.cmk";
   if (const char* write = std::getenv("COMPMARK_WRITE_GOLDEN"); write != nullptr) {
     const CodecEncoded made = encoded(coarse_model_of(make_correlated_model(108, {.anchors = 400}), {{2, 1, 2}}));
