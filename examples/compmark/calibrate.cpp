@@ -45,7 +45,10 @@ int run(const CalibrateOptions& options) {
   const std::string seed = "compmark calibrate " + std::to_string(options.seed) + " ";
   const Result<NullCalibration> result = calibrate_null(reading->views, settings, [&](std::size_t i) {
     const std::string number = std::to_string(i);
-    return message_of(OwnerKey{sha256_digest({bytes_of(seed), bytes_of(number)}), {}, reading->bits});
+    OwnerKey drawn;
+    drawn.secret = sha256_digest({bytes_of(seed), bytes_of(number)});
+    drawn.bits = reading->bits;
+    return message_of(drawn);
   });
   if (!result) return fail(result.error());
   if (!options.json.empty()) {

@@ -144,8 +144,8 @@ ReportInput page_of(const Certify& options, const Verified& verified, std::vecto
     if (!verified.informed) continue;
     const InformedPicture& picture = verified.informed->pictures[i];
     grid.rows.back().insert(grid.rows.back().end(),
-                            {picture.found ? "found" : "not found",
-                             detail::short_number(picture.spread.deviations, "%.1f"), number(picture.spread.p_value)});
+                            {picture.found ? "found" : "not found", detail::fixed_number(picture.spread.deviations, 1),
+                             number(picture.spread.p_value)});
   }
   page.grids.push_back(std::move(grid));
   const ReportSources& from = verified.report.sources;

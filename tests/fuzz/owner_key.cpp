@@ -37,7 +37,7 @@ struct Place {
 
 bool same_key(const OwnerKey& a, const OwnerKey& b) {
   return a.secret == b.secret && a.created == b.created && a.bits == b.bits && a.note == b.note &&
-         a.payload == b.payload && a.corrects == b.corrects && a.hardness == b.hardness && a.root == b.root &&
+         a.payload == b.payload && a.corrects == b.corrects && a.hardness == b.hardness && a.root() == b.root() &&
          a.recipients == b.recipients;
 }
 
@@ -74,6 +74,8 @@ std::vector<std::byte> repaired(std::span<const std::byte> bytes) {
   if (json.contains("hardness")) json["hardness"] = key.hardness = OwnerKey::least_hardness;  // the quickest
   if (json.contains("recipients") && json["recipients"].is_number_unsigned())
     key.recipients = json["recipients"].template get<std::size_t>();
+  key.decoder = word("decoder");
+  key.before_version_5 = json.contains("version") && json["version"].is_number_unsigned() && json["version"] < 5;
   json["version"] = key.version();
   if (from_hex(word("secret"), key.secret)) {
     key.created = word("created");

@@ -108,6 +108,22 @@ TEST_CASE("io/atomic_file: two writers of one target never mix; the last one to 
   CHECK(files_in(folder) == 1);
 }
 
+TEST_CASE("io/atomic_file: of two writers of a new file, the first to finish has it, and the other is told") {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "a.txt";
+  auto first = AtomicFile::create(path), second = AtomicFile::create(path);
+  REQUIRE(first.ok());
+  REQUIRE(second.ok());
+  first->write(std::string_view("1"));
+  second->write(std::string_view("2"));
+  REQUIRE(second->commit_new().ok());
+  const Result<Done> late = first->commit_new();
+  REQUIRE_FALSE(late.ok());
+  CHECK(late.error().problem.find("exists") != std::string::npos);
+  CHECK(read_back(path) == "2");
+  CHECK(files_in(folder) == 1);
+}
+
 TEST_CASE("io/atomic_file: many processes at once leave one whole file of one of them") {
   const TemporaryFolder folder;
   const std::filesystem::path path = folder.path() / "a.txt";

@@ -138,7 +138,8 @@ TEST_CASE("io/owner_key: damaged files are refused with one line that does not t
   for (const char* field : {"format", "version", "secret", "created", "bits", "commitment", "id"})
     refused(field, [&](nlohmann::json& json) { json.erase(field); });
   refused("format", [](nlohmann::json& json) { json["format"] = "something"; });
-  refused("version", [](nlohmann::json& json) { json["version"] = 5; });
+  refused("version", [](nlohmann::json& json) { json["version"] = 6; });
+  refused("hardness", [](nlohmann::json& json) { json["version"] = 5; });
   refused("recipients", [](nlohmann::json& json) { json["version"] = 4; });
   refused("recipients", [](nlohmann::json& json) { json["recipients"] = 10; });
   refused("version", [](nlohmann::json& json) { json["version"] = 0; });
@@ -183,7 +184,9 @@ TEST_CASE("io/owner_key: a key with recipients says how many, and its commitment
            bound = *make_bound_key(some_secret(), std::string(64, 'a'), "2026-01-31T23:59:59Z", 48, "", 10);
   for (OwnerKey* key : {&quick, &hard, &bound}) {
     const std::string before = key->commitment();
-    const Digest256 root = key->root;
+    key->before_version_5 = key->hardness != 0;
+    key->settle();
+    const Digest256 root = key->root();
     key->recipients = 100;
     CHECK(key->version() == 4);
     CHECK(key->commitment() != before);
@@ -193,7 +196,7 @@ TEST_CASE("io/owner_key: a key with recipients says how many, and its commitment
     REQUIRE(read.ok());
     CHECK(read->recipients == 100);
     CHECK(read->recipient == 0);
-    CHECK(read->root == root);
+    CHECK(read->root() == root);
     CHECK(read->decoder == key->decoder);
     CHECK(read->commitment() == key->commitment());
     const auto refused = [&](const std::string& field, const std::function<void(nlohmann::json&)>& damage) {
@@ -223,13 +226,14 @@ TEST_CASE("io/owner_key: a key with recipients says how many, and its commitment
 TEST_CASE("io/owner_key: a key of version 2 derives through scrypt, and is another one at another hardness") {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "hard.key", bad = folder.path() / "bad.key";
-  const OwnerKey key = *make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "a note", 10);
+  OwnerKey key = *make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "a note", 10);
+  key.before_version_5 = true;
   REQUIRE(write_key(path, key).ok());
   const Result<OwnerKey> read = read_key(path, 48);
   REQUIRE(read.ok());
   CHECK(read->version() == 2);
   CHECK(read->hardness == 10);
-  CHECK(read->root == key.root);
+  CHECK(read->root() == key.root());
   CHECK(read->commitment() == key.commitment());
   // The label of the message over scrypt's output, which RFC 7914's vectors prove (io/scrypt).
   std::array<std::byte, 32> derived{}, direct{}, easy{};
@@ -241,7 +245,7 @@ TEST_CASE("io/owner_key: a key of version 2 derives through scrypt, and is anoth
   CHECK(derived == direct);
   CHECK(derived != easy);
   const OwnerKey harder = *make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "a note", 11);
-  CHECK(harder.root != key.root);
+  CHECK(harder.root() != key.root());
   CHECK(harder.commitment() != key.commitment());
   CHECK(key.commitment() != some_key().commitment());
   CHECK_FALSE(make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "", 9).ok());
@@ -264,13 +268,14 @@ TEST_CASE("io/owner_key: a key of version 2 derives through scrypt, and is anoth
 TEST_CASE("io/owner_key: a bound key keeps its decoder, and a file of which it was changed is refused") {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "bound.key", bad = folder.path() / "bad.key";
-  const OwnerKey key = *make_bound_key(some_secret(), std::string(64, 'd'), "2026-01-31T23:59:59Z", 48, "", 10);
+  OwnerKey key = *make_bound_key(some_secret(), std::string(64, 'd'), "2026-01-31T23:59:59Z", 48, "", 10);
+  key.before_version_5 = true;
   REQUIRE(write_key(path, key).ok());
   const Result<OwnerKey> read = read_key(path, 48);
   REQUIRE(read.ok());
   CHECK(read->version() == 3);
   CHECK(read->decoder == key.decoder);
-  CHECK(read->root == key.root);
+  CHECK(read->root() == key.root());
   CHECK(read->commitment() == key.commitment());
   const nlohmann::json good = *read_json(path);
   CHECK(good["derivation"].get<std::string>().find("and the decoder's 32 bytes") != std::string::npos);
@@ -293,4 +298,60 @@ TEST_CASE("io/owner_key: a bound key keeps its decoder, and a file of which it w
   json.erase("decoder");
   REQUIRE(write_json(bad, json).ok());
   CHECK_FALSE(read_key(bad).ok());
+}
+
+TEST_CASE(
+    "io/owner_key: a key of version 5 is kept, with its decoder, its payload or its recipients, and no change of it") {
+  const TemporaryFolder folder;
+  const fs::path bad = folder.path() / "bad.key";
+  for (int kind = 0; kind < 4; ++kind) {
+    CAPTURE(kind);
+    OwnerKey key = *make_hard_key(some_secret(), "2026-01-31T23:59:59Z", 48, "a note", 10);
+    if (kind == 1) key.decoder = std::string(64, 'd');
+    if (kind == 2) key.payload = "5eed", key.corrects = 4;
+    if (kind == 3) key.recipients = 100;
+    key.settle();
+    CHECK(key.version() == 5);
+    const fs::path path = folder.path() / (key.id() + ".key");
+    REQUIRE(write_key(path, key).ok());
+    const Result<OwnerKey> read = read_key(path, 48);
+    REQUIRE(read.ok());
+    CHECK(read->version() == 5);
+    CHECK(read->root() == key.root());
+    CHECK(read->commitment() == key.commitment());
+    CHECK(read->decoder == key.decoder);
+    CHECK(read->payload == key.payload);
+    CHECK(read->recipients == key.recipients);
+    for (const int version : {2, 3, 4}) {  // another derivation
+      nlohmann::json json = *read_json(path);
+      json["version"] = version;
+      REQUIRE(write_json(bad, json).ok());
+      CHECK_FALSE(read_key(bad).ok());
+    }
+    for (const auto& [field, value] : {std::pair<const char*, nlohmann::json>{"bits", 32},
+                                       {"hardness", 11},
+                                       {"recipients", 101},
+                                       {"decoder", std::string(64, 'e')},
+                                       {"payload", {{"hex", "5eee"}, {"corrects", 4}}}}) {
+      nlohmann::json json = *read_json(path);
+      json[field] = value;
+      REQUIRE(write_json(bad, json).ok());
+      const std::string changed = field;
+      CAPTURE(changed);
+      CHECK_FALSE(read_key(bad).ok());
+    }
+  }
+}
+
+TEST_CASE(
+    "io/owner_key: of two programs that make one key file at once, the second is told, and the first has its key") {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "owner.key";
+  // The second program looked, and found nothing, before the first one was done.
+  Result<AtomicFile> second = AtomicFile::create(path, 0600);
+  REQUIRE(second.ok());
+  second->write(std::string_view("{}"));
+  REQUIRE(write_key(path, some_key()).ok());
+  CHECK_FALSE(second->commit_new().ok());
+  CHECK(read_key(path)->commitment() == some_key().commitment());
 }

@@ -38,7 +38,7 @@ OwnerKey owner(std::uint64_t number) {
   Digest256 secret{};
   secret[0] = std::byte{5};
   for (std::size_t i = 0; i < 8; ++i) secret[31 - i] = static_cast<std::byte>(number >> (8 * i) & 0xFF);
-  return OwnerKey{secret, "2026-01-31T23:59:59Z", 48};
+  return *make_key(secret, "2026-01-31T23:59:59Z", 48);
 }
 
 struct Photograph {

@@ -68,7 +68,8 @@ struct ExportObserver {
 };
 
 /// Writes `out`. Nothing is written where an Error is found: no camera or not this view, an output that cannot be, a
-/// fisheye with data. Lengths are in the dataset's unit (ModelInfo::unit). Cost: of a fit, a render and its backward
+/// degree beyond 3, a fisheye with data, data that lack a view. Photographs are read last: one that cannot be decoded is
+/// an Error after the file was written. Lengths are in the dataset's unit (ModelInfo::unit). Cost: of a fit, a render and its backward
 /// pass a camera and iteration.
 [[nodiscard]] Result<ExportReport> export_model(AnyModel& model, const std::filesystem::path& out,
                                                 const ExportSettings& settings, ThreadExecutor& executor,

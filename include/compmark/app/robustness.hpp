@@ -32,8 +32,10 @@ struct RobustnessSettings {
   std::filesystem::path key, decoder;
   std::size_t recipient = 0;       ///< whose copy the model is, where the key has recipients
   std::filesystem::path unmarked;  ///< for informed reading, and averaging with it; may be empty
-  std::filesystem::path pictures;  ///< folder for the pictures that informed reading reads; they stay there
-  std::size_t views = 8;           ///< read blind, evenly spaced among the cameras of the test; 0: all
+  std::filesystem::path
+      pictures;           ///< folder for the pictures that informed reading reads: view_<number>.png of the last
+                          ///< attack stay there, whatever else is in it is left alone
+  std::size_t views = 8;  ///< read blind, evenly spaced among the cameras of the test; 0: all
   std::size_t informed_views = 1;  ///< of those, pictures that are read informed, with unknown camera
   std::uint64_t seed = 0;          ///< of the attacks; pictures have seed + number of the view
 };

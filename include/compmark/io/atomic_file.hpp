@@ -90,7 +90,18 @@ class AtomicFile {
   }
 
   /// Flushes to the disk and renames. On an error the old file is as it was and the partial file is gone.
-  [[nodiscard]] Result<Done> commit() {
+  [[nodiscard]] Result<Done> commit() { return commit_as(false); }
+  /// The same, but a file that is there, also since create(), is left alone, and that is an error.
+  [[nodiscard]] Result<Done> commit_new() { return commit_as(true); }
+
+  /// True if the bytes go to a device, a pipe or a descriptor: nothing is replaced and nothing can be read back.
+  [[nodiscard]] bool is_stream() const { return target_.kind != OutputTarget::Kind::file; }
+
+ private:
+  static constexpr int slots = 100;
+  static constexpr std::size_t buffer_limit = std::size_t{1} << 16;
+
+  [[nodiscard]] Result<Done> commit_as(bool only_new) {
     flush();
     const bool replaces = target_.kind == OutputTarget::Kind::file;
     if (failure_ == 0 && replaces) failure_ = stream_.synchronise();
@@ -99,13 +110,7 @@ class AtomicFile {
     }
     // The lock is held until the name is exchanged: nobody takes the finished file for a stale one.
     if (failure_ == 0 && replaces) {
-      std::error_code status;
-      std::filesystem::rename(partial_, target_.path, status);
-      if (status) {
-        failure_ = status.value();
-      } else {
-        partial_.clear();
-      }
+      failure_ = only_new ? take_new_name() : take_name();
     }
     if (const int closed = stream_.close(); failure_ == 0) failure_ = closed;
     if (failure_ == 0) return Done{};
@@ -117,12 +122,25 @@ class AtomicFile {
                  replaces ? "free some space on its disk or choose another folder" : "give the name of a file");
   }
 
-  /// True if the bytes go to a device, a pipe or a descriptor: nothing is replaced and nothing can be read back.
-  [[nodiscard]] bool is_stream() const { return target_.kind != OutputTarget::Kind::file; }
-
- private:
-  static constexpr int slots = 100;
-  static constexpr std::size_t buffer_limit = std::size_t{1} << 16;
+  [[nodiscard]] int take_name() {
+    std::error_code status;
+    std::filesystem::rename(partial_, target_.path, status);
+    if (!status) partial_.clear();
+    return status.value();
+  }
+  /// A second name for the partial file, which goes away as ever: it is given to one of two programs. Where a file cannot
+  /// have two names (FAT), renamed after a look.
+  [[nodiscard]] int take_new_name() {
+    std::error_code status;
+    std::filesystem::create_hard_link(partial_, target_.path, status);
+    if (!status) {
+      std::filesystem::remove(partial_, status);
+      partial_.clear();
+      return 0;
+    }
+    if (status == std::errc::file_exists) return EEXIST;
+    return std::filesystem::exists(target_.path, status) || status ? EEXIST : take_name();
+  }
 
   AtomicFile(std::filesystem::path path, OutputTarget target) : path_(std::move(path)), target_(std::move(target)) {}
 

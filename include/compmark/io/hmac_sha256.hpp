@@ -55,9 +55,7 @@ using ByteSpan = std::span<const std::byte>;
 [[nodiscard]] inline Digest256 sha256_digest(std::initializer_list<ByteSpan> parts) {
   Sha256 hash;
   for (const ByteSpan part : parts) hash.update(part);
-  Digest256 digest{};
-  [[maybe_unused]] const bool whole = from_hex(hash.hex(), digest);
-  return digest;
+  return hash.digest();
 }
 
 /// HMAC-SHA-256 of the parts, one after the other.
@@ -76,8 +74,7 @@ using ByteSpan = std::span<const std::byte>;
   Sha256 hash;
   hash.update(inner);
   for (const ByteSpan part : parts) hash.update(part);
-  Digest256 digest{};
-  [[maybe_unused]] const bool whole = from_hex(hash.hex(), digest);
+  const Digest256 digest = hash.digest();
   return sha256_digest({outer, digest});
 }
 

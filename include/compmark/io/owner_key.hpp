@@ -17,10 +17,11 @@
 #include <utility>
 
 #include "compmark/core/result.hpp"
+#include "compmark/io/atomic_file.hpp"
 #include "compmark/io/checksum.hpp"
+#include "compmark/io/file_exists.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/owner_key_derivation.hpp"
-#include "compmark/io/scrypt.hpp"
 
 namespace compmark {
 
@@ -50,8 +51,13 @@ namespace detail {
   const std::string last = "HKDF-SHA-256, salt \"compmark\", info = label of the purpose";
   if (key.hardness == 0) return last;
   const bool bound = !key.decoder.empty();
-  return std::string("scrypt (RFC 7914) of the secret") + (bound ? " and the decoder's 32 bytes" : "") +
-         ", salt \"compmark/key/" + (bound ? "v3" : "v2") + "\", N = 2^hardness, r = 8, p = 1; then " + last;
+  const std::string salt = !key.before_version_5
+                               ? "\"compmark/key/v5\", bits and corrects (4 bytes each, highest first; "
+                                 "corrects is 0 without a payload), 1 byte: whether there are recipients"
+                           : bound ? "\"compmark/key/v3\""
+                                   : "\"compmark/key/v2\"";
+  return std::string("scrypt (RFC 7914) of the secret") + (bound ? " and the decoder's 32 bytes" : "") + ", salt " +
+         salt + ", N = 2^hardness, r = 8, p = 1; then " + last;
 }
 }  // namespace detail
 
@@ -61,9 +67,8 @@ template <class Json = nlohmann::ordered_json>
   const auto fail = [&](std::string problem, std::string remedy) {
     return Error{ErrorKind::unwritable, path.string(), "", std::move(problem), std::move(remedy)};
   };
-  std::error_code status;
-  if (std::filesystem::exists(path, status))
-    return fail("exists already, a key is never overwritten", "choose another name");
+  const auto there = [&] { return fail("exists already, a key is never overwritten", "choose another name"); };
+  if (detail::file_exists(path)) return there();
   Json json{{"format", OwnerKey::format},
             {"version", key.version()},
             {"id", key.id()},
@@ -79,7 +84,12 @@ template <class Json = nlohmann::ordered_json>
   if (key.corrects != 0) json["payload"] = {{"hex", key.payload}, {"corrects", key.corrects}};
   json[std::string(checksum_key)] = detail::fields_checksum(json);
   constexpr unsigned owner_only = 0600;  // from the moment the file exists: no other user can open it in between
-  return write_json(path, json, owner_only);
+  Result<AtomicFile> file = AtomicFile::create(path, owner_only);
+  if (!file) return file.error();
+  file->write(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  Result<Done> written = file->commit_new();
+  if (!written && detail::file_exists(path)) return there();  // of another program, since the look above
+  return written;
 }
 
 /// Reads a key file; `bits` other than 0 is the message length that is asked for. Messages never contain the secret.
@@ -103,11 +113,11 @@ template <class Json = nlohmann::json>
   const Result<std::int64_t> written = json_field<std::int64_t>(*json, "version", file);
   if (!written) return written.error();
   if (*written < 1 || *written > OwnerKey::newest_version) {
-    return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*written) + ", this program reads 1 to 4",
+    return fail(ErrorKind::unsupported, "version", "is " + std::to_string(*written) + ", this program reads 1 to 5",
                 "use the program that wrote it, or a newer one");
   }
   std::size_t hardness = 0;
-  if (*written == 2 || *written == 3 || (*written == 4 && json->contains("hardness"))) {
+  if (*written == 2 || *written == 3 || *written == 5 || (*written == 4 && json->contains("hardness"))) {
     const Result<std::size_t> number = json_field<std::size_t>(*json, "hardness", file);
     if (!number) return number.error();
     if (*number < OwnerKey::least_hardness || *number > OwnerKey::largest_hardness)
@@ -117,11 +127,10 @@ template <class Json = nlohmann::json>
     return fail(ErrorKind::malformed, "hardness", "is no field of a key of version 1", "restore the file from a copy");
   }
   std::string decoder;
-  Digest256 decoder_digest{};
-  if (*written == 3 || (*written == 4 && json->contains("decoder"))) {
+  if (*written == 3 || (*written >= 4 && json->contains("decoder"))) {
     const Result<std::string> digits = json_field<std::string>(*json, "decoder", file);
     if (!digits) return digits.error();
-    if (digits->size() != 64 || !from_hex(*digits, decoder_digest) || to_hex(decoder_digest) != *digits)
+    if (!detail::is_sha256_text(*digits))
       return fail(ErrorKind::malformed, "decoder", "is no SHA-256", "restore the file from a copy");
     if (hardness == 0)
       return fail(ErrorKind::malformed, "decoder", "is no field of a quick key", "restore the file from a copy");
@@ -131,7 +140,7 @@ template <class Json = nlohmann::json>
                 "restore the file from a copy");
   }
   std::size_t recipients = 0;
-  if (*written == 4) {
+  if (*written == 4 || (*written == 5 && json->contains("recipients"))) {
     const Result<std::size_t> number = json_field<std::size_t>(*json, "recipients", file);
     if (!number) return number.error();
     if (*number < 2 || *number > OwnerKey::recipients_limit)
@@ -182,6 +191,7 @@ template <class Json = nlohmann::json>
     key->corrects = *corrects;
   }
   key->hardness = static_cast<unsigned>(hardness);
+  key->before_version_5 = hardness != 0 && *written < 5;
   key->decoder = std::move(decoder);
   key->recipients = recipients;
   for (const auto& [name, expected] : {std::pair<std::string, std::string>{"commitment", key->commitment()},
@@ -208,11 +218,7 @@ template <class Json = nlohmann::json>
         "the key is for messages of " + std::to_string(key->bits) + " bits, " + std::to_string(bits) + " are asked for",
         "use a key and a decoder of one message length");
   }
-  // Last: a damaged file costs no derivation.
-  if (!key->decoder.empty())
-    detail::derive_bound_root(*key, decoder_digest);
-  else if (hardness != 0)
-    scrypt(key->secret, bytes_of("compmark/key/v2"), ScryptCost{key->hardness, 8, 1}, key->root);
+  key->settle();  // last: a damaged file costs no derivation
   return key;
 }
 

@@ -43,6 +43,7 @@ struct PlyProperty {
   PlyType type = PlyType::float32;
   std::size_t offset = 0;                  ///< bytes from the start of a row; unused for lists
   std::optional<PlyType> list_count = {};  ///< set for a list property: type of its length. Its values are not kept.
+  PlyType declared = type;                 ///< what the header says; rows of an ASCII file hold float64, all of them
 };
 
 /// Rows of one element, scalars only, in the machine's byte order.

@@ -24,6 +24,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/io/checksum.hpp"
 #include "compmark/io/file_kind.hpp"
+#include "compmark/io/half.hpp"
 #include "compmark/io/json_shape.hpp"
 #include "compmark/io/safetensors_dtype.hpp"
 

@@ -151,16 +151,25 @@ class Sha256 {
     return *this;
   }
 
-  /// The digest as 64 hexadecimal digits. The object is spent afterwards.
-  [[nodiscard]] std::string hex() {
+  /// The digest, 32 bytes. The object is spent afterwards.
+  [[nodiscard]] std::array<std::byte, 32> digest() {
     const std::uint64_t bits = length_ * 8;
     std::array<std::byte, 72> tail{std::byte{0x80}};
     const std::size_t padding = (fill_ < 56 ? 56 : 120) - fill_;  // up to the length, which ends the last block
     for (std::size_t i = 0; i < 8; ++i) tail[padding + i] = static_cast<std::byte>(bits >> (56 - 8 * i));
     update(std::span<const std::byte>(tail).first(padding + 8));
+    std::array<std::byte, 32> bytes{};
+    for (std::size_t i = 0; i < bytes.size(); ++i)
+      bytes[i] = static_cast<std::byte>(state_[i / 4] >> (24 - 8 * (i % 4)) & 0xFFu);
+    return bytes;
+  }
+  /// The same as 64 hexadecimal digits.
+  [[nodiscard]] std::string hex() {
     std::string text;
-    for (const std::uint32_t word : state_) {
-      for (int shift = 28; shift >= 0; shift -= 4) text += "0123456789abcdef"[word >> shift & 15u];
+    for (const std::byte value : digest()) {
+      const unsigned byte = std::to_integer<unsigned>(value);
+      text += "0123456789abcdef"[byte >> 4];
+      text += "0123456789abcdef"[byte & 15u];
     }
     return text;
   }

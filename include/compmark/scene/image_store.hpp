@@ -138,14 +138,19 @@ class ImageStore {
   };
 
   /// Photographs of ordinary cameras are always decoded; larger ones must fit into the budget, whatever size they are
-  /// delivered in.
+  /// delivered in, and so must what is delivered.
   [[nodiscard]] Result<Done> check_budget(const View& view) const {
     constexpr std::size_t ordinary = std::size_t{256} << 20;
-    const std::size_t bytes =
-        3 * static_cast<std::size_t>(view.file_width) * static_cast<std::size_t>(view.file_height);
-    if (bytes <= std::max(ordinary, settings_.memory_budget_bytes)) return Done{};
-    return Error{ErrorKind::exhausted, view.image_path.string(), "image size",
-                 "is " + std::to_string(view.file_width) + " x " + std::to_string(view.file_height) +
+    const auto bytes = [](int width, int height) {
+      return 3 * static_cast<std::size_t>(std::max(0, width)) * static_cast<std::size_t>(std::max(0, height));
+    };
+    const std::size_t in_file = bytes(view.file_width, view.file_height),
+                      delivered = bytes(view.camera.width, view.camera.height);
+    if (std::max(in_file, delivered) <= std::max(ordinary, settings_.memory_budget_bytes)) return Done{};
+    const bool enlarged = delivered > in_file;
+    return Error{ErrorKind::exhausted, view.image_path.string(), enlarged ? "downscale" : "image size",
+                 (enlarged ? "makes it " : "is ") + std::to_string(enlarged ? view.camera.width : view.file_width) +
+                     " x " + std::to_string(enlarged ? view.camera.height : view.file_height) +
                      " pixels, which take more than the memory budget of " +
                      std::to_string(settings_.memory_budget_bytes >> 20) + " MB",
                  "raise --memory-budget, or scale the photographs down"};

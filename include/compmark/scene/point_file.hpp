@@ -42,15 +42,16 @@ struct PrecisePoints {
                                                     vertex->column<double>("z")};
   std::array<std::vector<double>, 3> color;
   constexpr std::array<const char*, 3> color_names{"red", "green", "blue"};
-  double scale = 1;
+  bool fractions = true;  // colours in [0, 1]: none is declared a whole number, and none is above 1
+  double largest = 0;
   for (std::size_t c = 0; c < 3; ++c) {
     const PlyProperty* property = vertex->find(color_names[c]);
     if (property == nullptr) continue;
     color[c] = vertex->column<double>(color_names[c]);
-    double largest = 0;
     for (const double v : color[c]) largest = std::fmax(largest, v);
-    if (property->type >= PlyType::float32 && largest <= 1) scale = 255;
+    fractions = fractions && property->declared >= PlyType::float32;
   }
+  const double scale = fractions && largest <= 1 ? 255 : 1;
   PrecisePoints points;
   for (std::size_t i = 0; i < vertex->count; ++i) {
     const std::array<double, 3> p{position[0][i], position[1][i], position[2][i]};

@@ -28,11 +28,13 @@ struct ImageSize {
 };
 
 /// Size after the published rules (docs/spec/method.md, 3.4): a given factor divides with rounding (halves to even);
-/// without one, images wider than max_width are brought to it, both sides truncated. Never below 1 x 1.
+/// without one, images wider than max_width are brought to it, both sides truncated. Never below 1 x 1, and no side
+/// above 65536, which is what image files have.
 [[nodiscard]] inline ImageSize scaled_size(int width, int height, double downscale, int max_width) {
   ImageSize size{width, height};
   if (downscale != 1) {
-    size = {static_cast<int>(std::nearbyint(width / downscale)), static_cast<int>(std::nearbyint(height / downscale))};
+    const auto side = [&](int of) { return static_cast<int>(std::fmin(std::nearbyint(of / downscale), 65536.0)); };
+    size = {side(width), side(height)};
   } else if (max_width > 0 && width > max_width) {
     const double scale = static_cast<double>(width) / max_width;
     size = {static_cast<int>(width / scale), static_cast<int>(height / scale)};

@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "compmark/core/result.hpp"
+#include "compmark/io/file_exists.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/scene/dataset.hpp"
 #include "compmark/scene/lens.hpp"
@@ -27,15 +28,6 @@
 
 namespace compmark {
 namespace detail {
-
-[[nodiscard]] inline bool file_exists(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::exists(path, ignored);
-}
-[[nodiscard]] inline bool folder_exists(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::is_directory(path, ignored);
-}
 
 [[nodiscard]] inline std::string two_digits(double value) {
   std::ostringstream text;

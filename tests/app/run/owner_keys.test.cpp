@@ -46,9 +46,25 @@ TEST_CASE("app/run/owner_keys: a key is made once, moved aside on request, and i
   REQUIRE_FALSE(same.ok());
   CHECK(same.error().field == "--from");
   derived.payload = "5eed";
+  // A key without a payload shares nothing with it.
+  const Result<MadeKey> alone = make_key_file(derived, warn);
+  REQUIRE_FALSE(alone.ok());
+  CHECK(alone.error().field == "--from");
+  KeySettings buyer = settings;
+  buyer.out = folder.path / "first_buyer.key";
+  buyer.payload = "0001";
+  const Result<MadeKey> one = make_key_file(buyer, warn);
+  REQUIRE(one.ok());
+  derived.from = buyer.out;
+  derived.corrects = one->key.corrects + 1;
+  CHECK(make_key_file(derived, warn).error().field == "--corrects");
+  derived.corrects = one->key.corrects;
   const Result<MadeKey> with_payload = make_key_file(derived, warn);
   REQUIRE(with_payload.ok());
-  CHECK(with_payload->key.secret == first->key.secret);
+  CHECK(with_payload->key.secret == one->key.secret);
+  const PayloadCode::Reading said = read_payload(one->key, message_of(with_payload->key));
+  REQUIRE(said.outcome == PayloadCode::Outcome::read);
+  CHECK(said.data.hex() == "5eed");
   derived.payload = "not hexadecimal";
   derived.out = folder.path / "none.key";
   CHECK_FALSE(make_key_file(derived, warn).ok());
@@ -60,9 +76,10 @@ TEST_CASE("app/run/owner_keys: a key is made once, moved aside on request, and i
   bound.created = settings.created;
   bound.hardness = 10;
   bound.decoder = "weights/lattice_48.safetensors";
+  bound.payload = "0001";
   const Result<MadeKey> tied = make_key_file(bound, warn);
   REQUIRE(tied.ok());
-  CHECK(tied->key.version() == 3);
+  CHECK(tied->key.version() == 5);
   CHECK(tied->key.decoder == *file_sha256(bound.decoder));
   CHECK(open_decoder(bound.decoder, &tied->key).ok());
   const Result<FileDecoder> other = open_decoder("weights/universal3_64.safetensors", &tied->key);
@@ -79,7 +96,8 @@ TEST_CASE("app/run/owner_keys: a key is made once, moved aside on request, and i
   const Result<MadeKey> copy = make_key_file(derived, warn);
   REQUIRE(copy.ok());
   CHECK(copy->key.decoder == tied->key.decoder);
-  CHECK(copy->key.root == tied->key.root);
+  CHECK(copy->key.root() == tied->key.root());
+  bound.payload.clear();
   bound.out = folder.path / "none.key";
   for (const auto& wrong : {std::pair<std::size_t, std::filesystem::path>{32, bound.decoder},
                             {48, settings.out},

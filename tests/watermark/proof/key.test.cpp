@@ -19,7 +19,7 @@ OwnerKey numbered(std::uint64_t number, std::size_t bits = 48) {
   Digest256 secret{};
   secret[0] = std::byte{1};
   for (std::size_t i = 0; i < 8; ++i) secret[31 - i] = static_cast<std::byte>(number >> (8 * i) & 0xFF);
-  return OwnerKey{secret, "2026-01-31T23:59:59Z", bits};
+  return *make_key(secret, "2026-01-31T23:59:59Z", bits);
 }
 }  // namespace
 

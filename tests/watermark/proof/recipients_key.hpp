@@ -17,7 +17,7 @@ inline OwnerKey recipients_key(std::uint64_t number, std::size_t bits = 48, std:
   Digest256 secret{};
   secret[0] = std::byte{7};
   for (std::size_t i = 0; i < 8; ++i) secret[31 - i] = static_cast<std::byte>(number >> (8 * i) & 0xFF);
-  OwnerKey key{secret, "2026-01-31T23:59:59Z", bits};
+  OwnerKey key = *make_key(secret, "2026-01-31T23:59:59Z", bits);
   key.recipients = recipients;
   return key;
 }

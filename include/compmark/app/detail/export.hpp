@@ -21,6 +21,7 @@
 #include "compmark/app/recipe_model.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/io/anchor_ply.hpp"
+#include "compmark/io/file_exists.hpp"
 #include "compmark/io/splat/read_splat.hpp"
 #include "compmark/io/splat/viewer_page.hpp"
 #include "compmark/io/splat/write_splat.hpp"
@@ -89,26 +90,60 @@ struct ExportViews {
   return views;
 }
 
-/// The table against the model's own renders and, with data, the photographs.
+/// The views that are measured, and the photographs of them, if there are data.
+struct Measured {
+  std::vector<Camera<double>> cameras;
+  std::vector<std::string> names;
+  DatasetSettings settings;
+  std::optional<Dataset> dataset;
+  std::vector<const View*> photographs;  ///< of the dataset
+};
+
+/// Of ExportSettings::compare views, evenly spaced. What the data lack is found here, before minutes of fitting.
 template <class R>
-[[nodiscard]] Result<BakeReport> compare_export(const Exported& of, const Model<R>& model, const ModelInfo& info,
-                                                const SplatTable& table, std::span<const Camera<double>> cameras,
-                                                const std::vector<std::string>& names, ThreadExecutor& executor) {
+[[nodiscard]] Result<Measured> open_measured(const Exported& of, const Model<R>& model, const ModelInfo& info,
+                                             const ExportViews& views, ThreadExecutor& executor) {
+  Measured measured;
+  if (of.settings.compare == 0) return measured;
+  const std::size_t stride = std::max<std::size_t>(1, views.measured.size() / of.settings.compare);
+  for (std::size_t i = 0; i < views.measured.size(); i += stride) {
+    measured.cameras.push_back(views.measured[i]);
+    measured.names.push_back(views.names[i]);
+  }
   const std::filesystem::path& data = of.settings.data;
-  if (data.empty()) return compare_bake(model, table, cameras, {}, unseen_view, executor);
-  DatasetSettings settings = settings_of(info);
+  if (data.empty()) return measured;
+  DatasetSettings& settings = measured.settings = settings_of(info);
   for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(model.render.background[c]);
   if (settings.lens == LensTreatment::keep) settings.lens = LensTreatment::undistort;  // the export has none
   Result<Dataset> dataset = open_for(info, data, settings, executor);
   if (!dataset) return dataset.error();
-  ImageStore store(*dataset, settings, {});
-  const auto target = [&](std::size_t i, ImageView<float> image) -> Result<Done> {
-    for (const View& view : dataset->views) {
-      if (view.name == names[i] && view.camera.width == image.width && view.camera.height == image.height)
-        return store.load(view, image);
+  measured.dataset = std::move(*dataset);
+  for (std::size_t i = 0; i < measured.names.size(); ++i) {
+    const Camera<double>& camera = measured.cameras[i];
+    const auto found =
+        std::find_if(measured.dataset->views.begin(), measured.dataset->views.end(), [&](const View& view) {
+          return view.name == measured.names[i] && view.camera.width == camera.width &&
+                 view.camera.height == camera.height;
+        });
+    if (found == measured.dataset->views.end()) {
+      return Error{ErrorKind::not_found, data.string(), "view",
+                   "no view \"" + measured.names[i] + "\" of the model's size",
+                   "give the dataset the model was trained on"};
     }
-    return Error{ErrorKind::not_found, data.string(), "view", "no view \"" + names[i] + "\" of the model's size",
-                 "give the dataset the model was trained on"};
+    measured.photographs.push_back(&*found);
+  }
+  return measured;
+}
+
+/// The table against the model's own renders and, with data, the photographs.
+template <class R>
+[[nodiscard]] Result<BakeReport> compare_export(const Measured& measured, const Model<R>& model,
+                                                const SplatTable& table, ThreadExecutor& executor) {
+  const std::span<const Camera<double>> cameras(measured.cameras);
+  if (!measured.dataset) return compare_bake(model, table, cameras, {}, unseen_view, executor);
+  ImageStore store(*measured.dataset, measured.settings, {});
+  const auto target = [&](std::size_t i, ImageView<float> image) -> Result<Done> {
+    return store.load(*measured.photographs[i], image);
   };
   return compare_bake(model, table, cameras, target, unseen_view, executor);
 }
@@ -181,8 +216,14 @@ template <class R>
 [[nodiscard]] COMPMARK_ONCE Result<ExportReport> export_typed(const Exported& of, const Model<R>& model,
                                                               const ModelInfo& info, ThreadExecutor& executor) {
   const ExportSettings& settings = of.settings;
+  if (settings.degree < 0 || settings.degree > max_sh_degree) {
+    return Error{ErrorKind::invalid, of.out.string(), "--sh-degree",
+                 "is " + std::to_string(settings.degree) + ", and an export has harmonics of degree 0 to " +
+                     std::to_string(max_sh_degree),
+                 "give one of those"};
+  }
   const std::filesystem::path folder = of.out.has_parent_path() ? of.out.parent_path() : ".";
-  if (!std::filesystem::is_directory(folder)) {  // said now, not after minutes of fitting
+  if (!folder_exists(folder)) {  // said now, not after minutes of fitting
     return Error{ErrorKind::unwritable, of.out.string(), "--out", "its folder does not exist", "create it first"};
   }
   if (std::is_same_v<RecipeLens<R>, FisheyeLens<float>> && !settings.data.empty()) {
@@ -229,6 +270,8 @@ template <class R>
     views.measured.assign(1, views.chosen->camera);
     views.names.assign(1, views.chosen->name);
   }
+  const Result<Measured> measured = open_measured(of, model, info, views, executor);
+  if (!measured) return measured.error();
   const SplatTable table = exported_table(of, model, views, report, executor);
   const SplatTable scaled = info.unit == 1 ? SplatTable() : in_unit(table, info.unit);
   const SplatTable& in_file = info.unit == 1 ? table : scaled;
@@ -246,18 +289,13 @@ template <class R>
   report.held_out = settings.view.empty() && (views.held_out || ExplicitModelRecipe<R>);
   of.observer.on_written(report);
   if (settings.compare == 0) return report;
-  const std::size_t stride = std::max<std::size_t>(1, views.measured.size() / settings.compare);
-  std::vector<Camera<double>> cameras;
-  for (std::size_t i = 0; i < views.measured.size(); i += stride) {
-    cameras.push_back(views.measured[i]);
-    report.compared_views.push_back(views.names[i]);
-  }
-  Result<BakeReport> compared =
-      compare_export(of, model, info, table, std::span<const Camera<double>>(cameras), report.compared_views, executor);
+  report.compared_views = measured->names;
+  Result<BakeReport> compared = compare_export(*measured, model, table, executor);
   if (!compared) return compared.error();
   report.compared = std::move(*compared);
   if (!report.written || report.written->format == SplatFormat::ply || report.written->bytes == 0) return report;
-  Result<BakeReport> from_file = compare_file(of, model, info.unit, std::span<const Camera<double>>(cameras), executor);
+  Result<BakeReport> from_file =
+      compare_file(of, model, info.unit, std::span<const Camera<double>>(measured->cameras), executor);
   if (!from_file) return from_file.error();
   report.from_file = std::move(*from_file);
   return report;

@@ -21,6 +21,7 @@
 #include "compmark/app/detail/spread.hpp"
 #include "compmark/app/informed.hpp"
 #include "compmark/app/register.hpp"
+#include "compmark/io/number_text.hpp"
 #include "compmark/math/area_resize.hpp"
 #include "compmark/math/mirror.hpp"
 #include "compmark/watermark/decoder/subject_box.hpp"
@@ -113,7 +114,7 @@ COMPMARK_APP_INLINE Verification both_verdicts(Verification message, const Sprea
 }
 
 COMPMARK_APP_INLINE std::string informed_text(const InformedReport& report) {
-  const auto number = [](double value, const char* format = "%.2g") { return detail::short_number(value, format); };
+  const auto number = [](double value) { return detail::short_number(value); };
   std::string text;
   std::size_t found = 0;
   for (const InformedPicture& picture : report.pictures) {
@@ -121,12 +122,13 @@ COMPMARK_APP_INLINE std::string informed_text(const InformedReport& report) {
     if (picture.found) {
       ++found;
       text += ": camera found" + std::string(picture.mirrored ? ", mirrored" : "") + ", spread mark at " +
-              number(picture.spread.deviations, "%.1f") + " deviations, p " + number(picture.spread.p_value) + "\n";
+              detail::fixed_number(picture.spread.deviations, 1) + " deviations, p " + number(picture.spread.p_value) +
+              "\n";
     } else {
       text += ": no camera of this scene shows it; its message is read blind\n";
     }
   }
-  text += "spread      " + number(report.spread.deviations, "%.1f") + " deviations over " +
+  text += "spread      " + detail::fixed_number(report.spread.deviations, 1) + " deviations over " +
           std::to_string(report.spread.cells) + " cells in " + std::to_string(found) + " pictures together, p " +
           number(report.spread.p_value) + ": so likely, at most, a key drawn at random would agree as well\n";
   return text;
@@ -141,6 +143,14 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
                                                            const VerifySettings& settings, ThreadExecutor& executor,
                                                            const WorkObserver& observer, const ComparedObserver& each) {
   if (const Result<Done> checked = check_settings(settings); !checked) return checked.error();
+  if (!reading.model.empty() || !reading.interference.empty()) {
+    return Error{ErrorKind::invalid, reading.unmarked.string(),
+                 reading.model.empty() ? "--interference, --unmarked" : "--model, --images", "do not go together here",
+                 reading.model.empty() ? "give one: both subtract what the unmarked model says"
+                                       : "give images alone, or read the model less the unmarked one (read_messages)"};
+  }
+  if (reading.images.empty() && reading.pictures.empty())
+    return Error{ErrorKind::invalid, {}, "--images", "is missing", "give the pictures to read"};
   const Result<FileDecoder> decoder = open_decoder(reading.decoder, &key);
   if (!decoder) return decoder.error();
   Result<AnyModel> model = AnyModel::open(reading.unmarked, executor);
@@ -169,8 +179,15 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   FileDecoder::Context context;
   PictureSettings as_is = reading;
   as_is.mirrored = false;
-  for (const std::filesystem::path& path : *files) {
-    Result<OpenPicture> opened = open_picture(path, as_is);
+  const std::size_t count = files->size() + reading.pictures.size();
+  for (std::size_t p = 0; p < count; ++p) {
+    const bool in_memory = p >= files->size();
+    const std::filesystem::path path =
+        in_memory ? std::filesystem::path(reading.pictures[p - files->size()].name) : (*files)[p];
+    const auto open = [&](const PictureSettings& how) {
+      return in_memory ? open_picture(reading.pictures[p - files->size()], how) : open_picture(path, how);
+    };
+    Result<OpenPicture> opened = open(as_is);
     if (!opened) return opened.error();
     OpenPicture& image = *opened;
     ImageView<float> planes{image.planes.data(), 3, image.height, image.width};
@@ -184,7 +201,7 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
     if (found && !found->found && image.part) {
       PictureSettings whole = as_is;
       whole.pages = false;
-      Result<OpenPicture> uncut = open_picture(path, whole);
+      Result<OpenPicture> uncut = open(whole);
       if (!uncut) return uncut.error();
       found = look(uncut->image());
       if (found && found->found) {
@@ -248,7 +265,7 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
     view->part = image.part;
     result.report.views.push_back(std::move(*view));
     result.pictures.push_back(std::move(said));
-    if (Result<Done> on = detail::tell(observer, result.pictures.size(), files->size()); !on) return on.error();
+    if (Result<Done> on = detail::tell(observer, result.pictures.size(), count); !on) return on.error();
   }
   result.spread = spread_evidence(signs, all);
   VerifySettings twice = settings;

@@ -33,11 +33,10 @@
 namespace compmark {
 namespace detail {
 
-/// A key that nobody has: the thief's, whose carriers he knows.
+/// A key that nobody has: the thief's, whose carriers he knows. What it derives is as random as what a slow one does.
 [[nodiscard]] inline OwnerKey another_key(OwnerKey key) {
-  for (auto* bytes : {&key.secret, &key.root}) {
-    for (auto& byte : *bytes) byte = static_cast<std::remove_reference_t<decltype(byte)>>(~byte);
-  }
+  key.secret = sha256_digest({bytes_of("compmark/another key"), key.root()});
+  key.hardness = 0;
   return key;
 }
 
@@ -157,7 +156,6 @@ COMPMARK_APP_INLINE Result<std::vector<AttackedPicture>> RobustnessBench::attack
 COMPMARK_APP_INLINE Result<Done> RobustnessBench::read_informed(const Pictures& pictures, ThreadExecutor& executor,
                                                                 RobustnessCell& cell) {
   std::error_code status;
-  std::filesystem::remove_all(settings_.pictures, status);  // of the cell before
   std::filesystem::create_directories(settings_.pictures, status);
   if (status) {
     return Error{ErrorKind::unwritable,
@@ -169,16 +167,13 @@ COMPMARK_APP_INLINE Result<Done> RobustnessBench::read_informed(const Pictures& 
   std::vector<std::size_t> chosen(pictures.size());
   for (std::size_t v = 0; v < chosen.size(); ++v) chosen[v] = v;
   detail::keep_evenly(chosen, settings_.informed_views);
-  for (const std::size_t v : chosen) {
-    if (Result<Done> written =
-            write_png(settings_.pictures / ("view_" + std::to_string(v) + ".png"), pictures[v].view());
-        !written)
-      return written;
-  }
   ReadingSettings reading;
+  for (const std::size_t v : chosen) {
+    reading.images.push_back(settings_.pictures / ("view_" + std::to_string(v) + ".png"));
+    if (Result<Done> written = write_png(reading.images.back(), pictures[v].view()); !written) return written;
+  }
   reading.decoder = settings_.decoder;
   reading.unmarked = settings_.unmarked;
-  reading.images = {settings_.pictures};
   reading.mirrored = true;  // which way is found without the key
   const Result<InformedReport> report = verify_informed(key_, reading, VerifySettings{}, executor);
   if (!report) return report.error();

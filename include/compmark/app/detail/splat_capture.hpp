@@ -19,6 +19,7 @@
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/scene/capture_around.hpp"
 #include "compmark/scene/picture_source.hpp"
+#include "compmark/scene/resize.hpp"
 #include "compmark/scene/views_around.hpp"
 
 namespace compmark {
@@ -101,7 +102,7 @@ COMPMARK_APP_INLINE Result<Dataset> open_splat_capture(const std::filesystem::pa
   CaptureAround around;
   around.views = splat_views;
   around.up = settings.splat_up.value_or(source->splats->up.value_or(usual_up));
-  around.width = around.height = std::max(1, static_cast<int>(std::lround(splat_picture_size / settings.downscale)));
+  around.width = around.height = scaled_size(splat_picture_size, splat_picture_size, settings.downscale, 0).width;
   dataset.splat_up = around.up;
   for (const Camera<double>& camera : capture_around(table, around)) {
     View view;

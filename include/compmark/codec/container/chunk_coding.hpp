@@ -20,6 +20,7 @@
 
 #include "compmark/codec/coder/bits.hpp"
 #include "compmark/codec/coder/symbol_coder.hpp"
+#include "compmark/codec/coder/symbol_reader.hpp"
 #include "compmark/codec/container/codec_model.hpp"
 #include "compmark/codec/container/digest.hpp"
 #include "compmark/codec/container/file_format.hpp"
@@ -200,10 +201,14 @@ template <class Predictor>
                                                 Predictor& predictor) {
   const Result<Done> masks = decode_masks(mask, coder.offset_count, rows.mask);
   if (!masks) return masks.error();
-  std::vector<SymbolModel> models;
   const std::size_t n = rows.voxels.size();
+  std::size_t count = n * (coder.heads.width(0) + 6);
+  for (const std::uint32_t bits : rows.mask) count += 3 * static_cast<std::size_t>(std::popcount(bits));
+  // Before any model is made: what a stream does not hold takes no memory and no time.
+  if (const Result<Done> held = SymbolReader(coder.tables, octets(stream)).check(count); !held) return held.error();
+  std::vector<SymbolModel> models;
   std::vector<PanelModels::Steps> steps;
-  models.reserve(n * (coder.heads.width(0) + 6 + coder.heads.width(2) / 2));
+  models.reserve(count);
   for_predicted(predictor, n, [&](std::size_t anchor, std::size_t lane) {
     if (lane == 0) steps.push_back(predictor.steps());
     append_models(predictor, coder.heads, rows.mask[anchor], lane, models);

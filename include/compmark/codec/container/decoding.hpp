@@ -34,7 +34,7 @@ struct CodecDecodeSettings {
   /// (docs/notebook/compression_experiments.md). A HAC file has one level and must have all its chunks. A HAC-plus file
   /// with a first level must have all chunks of that; those that are refined are decoded as they are.
   bool partial = false;
-  std::uint64_t memory_limit = std::uint64_t{1} << 34;  ///< bytes of the decoded arrays
+  std::uint64_t memory_limit = std::uint64_t{1} << 34;  ///< bytes of the decoded arrays and of what decodes them
   const GaussianTables* tables = nullptr;               ///< made anew if there are none, 1 ms
 };
 
@@ -117,7 +117,7 @@ class FileReader {
 
   /// The number of chunks limits that of anchors: a small file cannot ask for much memory. Nor can a chunk of a few
   /// bytes: an anchor has feature, scales and an offset, and no symbol of a table of 2^16 costs less than 2^-16 bits.
-  [[nodiscard]] Result<Done> expect(const CodecModel& model, const std::vector<LevelRange>& levels,
+  [[nodiscard]] Result<Done> expect(const CodecModel& model, const std::vector<LevelRange>& levels, std::size_t workers,
                                     std::size_t hyperprior = 0) {
     const auto grain = static_cast<std::size_t>(model.chunk_anchors);
     std::size_t chunks = 0;
@@ -132,6 +132,7 @@ class FileReader {
       entries_.push_back(std::move(found));
     }
     places_ = chunk_places(levels, grain);
+    std::uint64_t largest = 0;
     const auto d = static_cast<std::size_t>(model.feature_dim), k3 = 3 * static_cast<std::size_t>(model.offset_count);
     for (std::size_t c = 0; c < chunks; ++c) {
       for (const std::vector<SectionEntry>& entries : entries_) {
@@ -144,10 +145,14 @@ class FileReader {
         return malformed(stream.name(), "names " + std::to_string(items) + " symbols, which " + std::to_string(rows) +
                                             " anchors do not have or its bytes do not hold");
       }
+      largest = std::max(largest, items);
     }
     const Result<Done> some = count_arrived(levels);
     if (!some) return some.error();
-    const std::uint64_t memory = arrived_anchors() * 4 * (3 + 1 + d + 6 + k3 + hyperprior);  // below 2^28 * 2^15
+    // A symbol that is decoded has a model and a value, 12 bytes, in each chunk that a worker decodes.
+    const std::uint64_t scratch = 12 * largest * std::min<std::uint64_t>(workers, chunks);
+    const std::uint64_t memory =
+        arrived_anchors() * 4 * (3 + 1 + d + 6 + k3 + hyperprior) + scratch;  // below 2^28 * 2^15 and 2^36 * workers
     if (memory > settings_.memory_limit) {
       return file_.error(ErrorKind::exhausted, "META",
                          std::to_string(arrived_anchors()) + " anchors take " + std::to_string(memory) +

@@ -26,15 +26,6 @@ namespace compmark::detail {
 
 using Sha256Bytes = std::array<std::byte, 32>;
 
-[[nodiscard]] inline Sha256Bytes sha256_bytes(Sha256& hash) {
-  const std::string text = hash.hex();
-  const auto digit = [](char c) { return static_cast<unsigned>(c <= '9' ? c - '0' : c - 'a' + 10); };
-  Sha256Bytes bytes{};
-  for (std::size_t i = 0; i < bytes.size(); ++i)
-    bytes[i] = static_cast<std::byte>(digit(text[2 * i]) << 4 | digit(text[2 * i + 1]));
-  return bytes;
-}
-
 /// 128 bits that change with any 32-bit word of an array and with their order: eight sums side by side, 10 GB/s.
 /// SHA-256 of every array would take longer than all the rest of decoding; it takes these instead.
 [[nodiscard]] inline std::array<std::uint64_t, 2> digest_words(std::span<const std::byte> bytes) {
@@ -102,7 +93,7 @@ struct CodecDigests {
     for (const float value : tensor.values) rest.put(value);
   }
   hash.update(rest.bytes());
-  return sha256_bytes(hash);
+  return hash.digest();
 }
 [[nodiscard]] inline std::uint64_t short_digest(const Sha256Bytes& digest) {
   return ByteReader(digest).get<std::uint64_t>();

@@ -25,7 +25,7 @@
 #include "compmark/codec/container/codec_model.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/io/bytes.hpp"
-#include "compmark/io/safetensors_dtype.hpp"
+#include "compmark/io/half.hpp"
 
 namespace compmark {
 
@@ -112,20 +112,6 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
     if constexpr (!Bits::writes) value = static_cast<std::uint16_t>(sign << 15 | e << 10 | two << 8 | rest);
     before = e;
   }
-}
-
-/// IEEE binary32 to binary16, to the nearest, ties to even; infinities where it overflows.
-[[nodiscard]] inline std::uint16_t float_to_half(float value) {
-  const auto bits = std::bit_cast<std::uint32_t>(value);
-  const auto sign = static_cast<std::uint16_t>(bits >> 16 & 0x8000u);
-  const std::uint32_t magnitude = bits & 0x7FFFFFFFu;
-  if (magnitude >= 0x47800000u) return static_cast<std::uint16_t>(sign | 0x7C00u);
-  if (magnitude < 0x38800000u) {  // subnormal: in units of 2^-24
-    const auto units = std::nearbyint(std::bit_cast<float>(magnitude) * 0x1p24f);
-    return static_cast<std::uint16_t>(sign | static_cast<std::uint16_t>(units));
-  }
-  const std::uint32_t rounded = magnitude + 0xFFFu + (magnitude >> 13 & 1u);
-  return static_cast<std::uint16_t>(sign | ((rounded - 0x38000000u) >> 13));
 }
 
 }  // namespace detail

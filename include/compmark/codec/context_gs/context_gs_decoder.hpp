@@ -47,7 +47,7 @@ template <Executor E>
   if (!frequencies) return reader.located(frequencies.error());
   detail::ContextGsOrder order;
   order.counts = *counts;
-  const Result<Done> expected = reader.expect(model, order.ranges(), context.channels);
+  const Result<Done> expected = reader.expect(model, order.ranges(), executor.concurrency(), context.channels);
   if (!expected) return expected.error();
 
   const auto geometry = reader.section(ContextGsFormat::geometry);

@@ -34,7 +34,8 @@ template <Executor E>
   detail::FileReader reader(*parsed, format, settings);
   const Result<Done> begun = reader.begin(result);
   if (!begun) return begun.error();
-  const Result<Done> expected = reader.expect(model, {{0, static_cast<std::size_t>(reader.anchors())}});
+  const Result<Done> expected =
+      reader.expect(model, {{0, static_cast<std::size_t>(reader.anchors())}}, executor.concurrency());
   if (!expected) return expected.error();
   const auto geometry = reader.section(HacPlusFormat::geometry);
   if (!geometry) return geometry.error();

@@ -196,6 +196,7 @@ template <Recipe R>
 [[nodiscard]] Result<LoadedModel<R>> model_from(const CodecModel& coded) {
   using Scalar = typename R::Scalar;
   constexpr DecoderShape shape = R::AnchorModel::shape;
+  if (const Result<Done> whole = detail::check_codec_model(coded); !whole) return whole.error();
   Result<ModelInfo> info = model_info(coded);
   if (!info) return info.error();
   if (coded.feature_dim != shape.feature_dim || coded.offset_count != shape.offsets) {
@@ -215,6 +216,15 @@ template <Recipe R>
       !(*near_plane > 0 && std::isfinite(*near_plane)) || blur_variance == nullptr ||
       !(*blur_variance >= 0 && std::isfinite(*blur_variance)) || background == nullptr || background->size() != 24) {
     return detail::coded_error("META", "a render setting is missing or out of range", "encode the model again");
+  }
+  for (const auto& [name, rows_a_view] : Model<R>::blocks_of_views()) {
+    const auto tensor = std::find_if(coded.networks.begin(), coded.networks.end(),
+                                     [&, &block = name](const CodecTensor& t) { return t.name == block; });
+    if (tensor == coded.networks.end() || tensor->shape.empty() ||
+        tensor->shape[0] != rows_a_view * static_cast<std::uint64_t>(*train_views)) {
+      return detail::coded_error("NETR." + name, "has not the rows of " + std::to_string(*train_views) + " views",
+                                 "encode the model again");
+    }
   }
   LoadedModel<R> loaded;
   loaded.info = std::move(*info);

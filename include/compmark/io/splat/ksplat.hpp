@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "compmark/io/bytes.hpp"
+#include "compmark/io/half.hpp"
 #include "compmark/io/splat/splat_file.hpp"
 
 namespace compmark {
@@ -164,7 +165,7 @@ class KsplatParser {
   }
 
   [[nodiscard]] float number(ByteReader& reader) const {
-    return header_.level == 0 ? reader.get<float>() : float_of_half(reader.get<std::uint16_t>());
+    return header_.level == 0 ? reader.get<float>() : half_to_float(reader.get<std::uint16_t>());
   }
   [[nodiscard]] float harmonic(ByteReader& reader) const {
     if (header_.level < 2) return number(reader);

@@ -65,20 +65,6 @@ namespace detail {
   return logits;
 }
 
-/// IEEE 754 binary16 to float: exact.
-[[nodiscard]] inline float float_of_half(std::uint16_t half) {
-  const int exponent = half >> 10 & 31, mantissa = half & 1023;
-  float value = 0;
-  if (exponent == 31) {
-    value = mantissa == 0 ? std::numeric_limits<float>::infinity() : std::numeric_limits<float>::quiet_NaN();
-  } else if (exponent == 0) {
-    value = std::ldexp(static_cast<float>(mantissa), -24);
-  } else {
-    value = std::ldexp(static_cast<float>(1024 + mantissa), exponent - 25);
-  }
-  return (half & 0x8000) != 0 ? -value : value;
-}
-
 /// A unit quaternion from its components without the largest, which is positive, in their order.
 [[nodiscard]] inline std::array<double, 4> with_largest(std::size_t largest, const std::array<double, 3>& others) {
   std::array<double, 4> q{};

@@ -8,6 +8,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "compmark/core/parameters.hpp"
 #include "compmark/splat/anchor/table.hpp"
@@ -45,6 +49,19 @@ struct Model {
     anchors = R::AnchorModel::add_parameters(arena, rows);
     decoder = Decoder::add_parameters(arena, views);
     Stages::forward([&]<class S>() { blocks<S>() = S::add_parameters(arena, anchors, views); });
+  }
+  /// The blocks that have rows for each view, and how many: a file is asked for them before create() takes memory.
+  [[nodiscard]] static std::vector<std::pair<std::string, std::size_t>> blocks_of_views() {
+    Model none, one;
+    none.create(0, 0);
+    one.create(0, 1);
+    std::vector<std::pair<std::string, std::size_t>> found;
+    const std::span<const ArenaLayout::Block> before = none.arena.layout().blocks(),
+                                              after = one.arena.layout().blocks();
+    for (std::size_t i = 0; i < after.size(); ++i) {
+      if (after[i].rows != before[i].rows) found.emplace_back(after[i].name, after[i].rows - before[i].rows);
+    }
+    return found;
   }
   /// First values of the blocks of all stages.
   void initialise_stages(std::uint64_t seed) {

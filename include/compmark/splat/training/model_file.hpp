@@ -82,6 +82,15 @@ template <Recipe R>
 [[nodiscard]] COMPMARK_ONCE Result<LoadedModel<R>> model_from(const SafetensorsFile& file) {
   Result<ModelHead> head = read_head(file, R::AnchorModel::shape);
   if (!head) return head.error();
+  for (const auto& [name, rows_a_view] : Model<R>::blocks_of_views()) {
+    const Result<SafetensorsTensor> tensor = file.tensor(name);
+    if (!tensor) return tensor.error();
+    if (tensor->shape.empty() ||
+        tensor->shape[0] != static_cast<std::int64_t>(rows_a_view * head->numbers.train_views)) {
+      return model_error(file, name,
+                         "has not the rows of " + std::to_string(head->numbers.train_views) + " views (train_views)");
+    }
+  }
   LoadedModel<R> loaded;
   loaded.info = std::move(head->info);
   loaded.model.create(head->rows, head->numbers.train_views);

@@ -17,6 +17,7 @@
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/io/half.hpp"
 #include "compmark/splat/anchor/table.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
 
@@ -73,10 +74,7 @@ inline void add_noise(const ArenaLayout::Block& block, MatrixView<float> values,
 }
 /// IEEE binary16 of a number, with its subnormal numbers; what it cannot hold is held at its largest.
 [[nodiscard]] inline float rounded_to_half(float value) {
-  const double least_normal = 0x1p-14;
-  if (std::abs(static_cast<double>(value)) < least_normal)
-    return static_cast<float>(std::nearbyint(static_cast<double>(value) * 0x1p24) * 0x1p-24);
-  return std::clamp(rounded_mantissa(value, 13), -65504.0f, 65504.0f);
+  return half_to_float(float_to_half(std::clamp(value, -65504.0f, 65504.0f)));
 }
 /// `count` numbers, `stride` apart, to 16 levels between the least and the greatest, zero among them, as Int8Quantizer
 /// rounds to 256.

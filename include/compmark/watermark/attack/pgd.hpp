@@ -49,11 +49,11 @@ template <MessageDecoder D, Executor E>
                                           std::span<const std::uint8_t> aim, const PgdSettings& settings, E& executor) {
   AttackedPicture result{image.height, image.width, {image.data, image.data + image.size()}};
   if (!(settings.epsilon > 0)) return result;
+  for (float& value : result.planes) value = std::clamp(value, 0.0f, 1.0f);  // a render may be beyond, a file is not
   const std::vector<float> before = result.planes;
   const auto epsilon = static_cast<float>(settings.epsilon);
   const auto hold = [&](std::size_t i, float value) {
-    result.planes[i] =
-        std::clamp(value, std::max(0.0f, before[i] - epsilon), std::min(1.0f, std::max(0.0f, before[i] + epsilon)));
+    result.planes[i] = std::clamp(value, std::max(0.0f, before[i] - epsilon), std::min(1.0f, before[i] + epsilon));
   };
   if (settings.random_start) {
     const Random random(settings.seed, 0, random_stage("attack/pgd"));

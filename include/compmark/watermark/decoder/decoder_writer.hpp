@@ -16,16 +16,10 @@
 #include <vector>
 
 #include "compmark/core/result.hpp"
+#include "compmark/io/number_text.hpp"
 #include "compmark/watermark/decoder/decoder_weights.hpp"
 
 namespace compmark {
-
-namespace detail {
-[[nodiscard]] inline std::string exact_text(double value) {
-  char text[32];
-  return {text, std::to_chars(text, text + sizeof(text), value).ptr};
-}
-}  // namespace detail
 
 /// Hands tensors and metadata to a writer. Values are not copied: `weights` must live until it has written.
 template <class Writer>

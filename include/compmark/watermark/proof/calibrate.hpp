@@ -22,6 +22,7 @@
 
 #include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/io/number_text.hpp"
 #include "compmark/math/binomial.hpp"
 #include "compmark/watermark/proof/message.hpp"
 #include "compmark/watermark/proof/report.hpp"
@@ -120,6 +121,11 @@ template <class DrawMessage>
   };
   if (views.empty()) return fail("views", "there is none", "give at least one image");
   if (settings.keys < 1) return fail("keys", "is 0", "give the number of random keys to try, as 10000");
+  if (!(settings.confidence > 0 && settings.confidence < 1))
+    return fail("confidence", "is not between 0 and 1", "give a share, as 0.99");
+  for (const double rate : settings.rates) {
+    if (!(rate > 0 && rate < 1)) return fail("rates", "has one that is not between 0 and 1", "give rates as 0.01");
+  }
   NullCalibration result;
   result.bits = views[0].logits.size();
   result.images = views.size();
@@ -197,7 +203,7 @@ template <class Json>
 
 /// The same in words. Lines end with '\n'.
 [[nodiscard]] inline std::string calibration_text(const NullCalibration& c) {
-  const auto number = [](double x) { return detail::short_number(x, "%.3g"); };
+  const auto number = [](double x) { return detail::short_number(x, 3); };
   std::string text = std::to_string(c.keys) + " random keys, " + std::to_string(c.images) + " images, " +
                      std::to_string(c.bits) + " bits\n";
   const auto rates = [&](const char* what, const std::vector<NullRate>& list) {

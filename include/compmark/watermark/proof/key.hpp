@@ -91,14 +91,16 @@ template <SecretKey K>
 }
 
 /// The message of a key: that of the copy of key.recipient where there are recipients, code word and mask where there is
-/// a payload that fits (check_payload), else random bits.
+/// a payload, else random bits. The key passes check_payload.
 template <SecretKey K>
 [[nodiscard]] Message message_of(const K& key) {
   if constexpr (RecipientKey<K>) {
     if (key.recipients != 0) return RecipientCode(key).message(key, key.recipient);
   }
   if constexpr (PayloadKey<K>) {
-    if (key.corrects != 0 && check_payload(key).ok()) {
+    const bool fits = check_payload(key).ok();
+    COMPMARK_ASSERT(fits, "message_of: a payload that fits (check_payload), or none");
+    if (key.corrects != 0 && fits) {
       const Result<PayloadCode> code = payload_code(key);
       return code->encode(*Message::from_hex(key.payload, code->data_bits())) ^ payload_mask(key);
     }

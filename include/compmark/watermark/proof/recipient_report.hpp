@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <string>
 
+#include "compmark/io/number_text.hpp"
 #include "compmark/watermark/proof/recipient_trace.hpp"
 #include "compmark/watermark/proof/verify.hpp"
 
@@ -38,13 +39,6 @@ template <class Json>
 }
 
 namespace detail {
-
-/// "1.2e-07"
-[[nodiscard]] inline std::string short_number(double value, const char* format = "%.2g") {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), format, value);
-  return text.data();
-}
 
 /// The lines of a report on the bits that all copies share, and on the nearest copy.
 [[nodiscard]] inline std::string owner_lines(const Verification& v) {

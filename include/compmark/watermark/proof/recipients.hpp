@@ -102,10 +102,6 @@ template <SecretKey K>
   if constexpr (RecipientKey<K>) {
     if (key.recipients != 0) {
       if (const Result<Done> fits = check_recipients(key.bits, key.recipients); !fits) return fits.error();
-      if (!(settings.recipient_rate > 0 && settings.recipient_rate < 1)) {
-        return Error{ErrorKind::invalid, "", "recipient rate", "is not between 0 and 1",
-                     "give the rate of naming somebody who had no part, as 1e-3"};
-      }
       const RecipientCode code(key);
       Result<Verification> read = verify_message(code.message(key, 0), views, settings);
       if (!read) return read;

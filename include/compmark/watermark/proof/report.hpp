@@ -21,6 +21,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/io/number_text.hpp"
 #include "compmark/watermark/decoder/concept.hpp"
 #include "compmark/watermark/proof/message.hpp"
 #include "compmark/watermark/proof/recipient_report.hpp"
@@ -179,7 +180,7 @@ template <class Json>
 /// ends with '\n'.
 [[nodiscard]] inline std::string evidence_text(const Verification& v) {
   const auto number = [](double x) { return detail::short_number(x); };
-  const auto percent = [](double x) { return detail::short_number(100 * x, "%.1f") + " %"; };
+  const auto percent = [](double x) { return detail::fixed_number(100 * x, 1) + " %"; };
   const auto count = [](std::size_t n, const char* thing) {
     return std::to_string(n) + " " + thing + (n == 1 ? "" : "s");
   };

@@ -14,8 +14,10 @@
 #include <string>
 #include <string_view>
 
+#include "compmark/io/number_text.hpp"
 #include "compmark/watermark/proof/ecc.hpp"
 #include "compmark/watermark/proof/key.hpp"
+#include "compmark/watermark/proof/message.hpp"
 #include "compmark/watermark/proof/report.hpp"
 #include "compmark/watermark/proof/shipped_decoders.hpp"
 #include "compmark/watermark/proof/verify.hpp"
@@ -53,9 +55,10 @@ struct Standing {
 /// The largest p-value, corrected, that is called a proof or evidence, whatever rate was accepted.
 inline constexpr double proof_p_limit = 1e-3;
 
-/// How many readings a year of one processor core tries: keys a second (version 1: six compressions of SHA-256 each, of
-/// which OpenSSL does 14 million; version 2 at the usual hardness: 1.6 measured, half with each step), each read by
-/// every shipped decoder of its length, and as many messages as a payload has values.
+/// How many readings a year of one processor core tries: keys a second (a quick key: six compressions of SHA-256, of
+/// which OpenSSL does 14 million; scrypt at the usual hardness: 1.6 measured, half with each step), each read by every
+/// shipped decoder of its length, and as many messages as a payload has values. Of keys before version 5 one derivation
+/// gives the messages of all lengths, with every code or none, so that all of those are counted.
 template <SecretKey K>
 [[nodiscard]] double keys_a_cheat_could_try(const K& key) {
   constexpr double seconds_a_year = 31'557'600, quick_keys_a_second = 2.4e6, hard_keys_a_second = 1.6;
@@ -64,13 +67,22 @@ template <SecretKey K>
     if (key.hardness != 0)
       tried = seconds_a_year * hard_keys_a_second * std::exp2(17 - static_cast<double>(key.hardness));
   }
-  if constexpr (requires { key.bits; })
+  bool one_length = false;
+  if constexpr (requires { key.version(); }) one_length = key.version() >= 5;
+  if (one_length) {
     tried *= static_cast<double>(std::max<std::size_t>(1, shipped_decoders_reading(key.bits)));
+  } else {
+    // Any length up to the longest, and codes that correct 1 to 15 bits, or none (ecc.hpp).
+    constexpr std::size_t codes = 16;
+    std::size_t ways = 0;
+    for (std::size_t bits = 1; bits <= message_bits_limit; ++bits) ways += codes * shipped_decoders_reading(bits);
+    tried *= static_cast<double>(ways);
+  }
   // One derivation gives the messages of all copies, and a cheat may say any number N of them afterwards: the best of
   // 2 p_shared and 2 N p_N over N up to 100,000, and of the message without recipients, is at most a with a probability
   // below a (1/2 + 1/4 + 1/6 + … + 1/200,000 + 1) < 7.3 a.
   if constexpr (requires { key.recipients; }) {
-    if (key.recipients != 0) tried *= 8;
+    if (key.recipients != 0 || !one_length) tried *= 8;
   }
   if constexpr (PayloadKey<K>) {
     if (key.corrects != 0) {
@@ -89,7 +101,7 @@ template <SecretKey K>
   // was claimed. Bound to it, each trial cost a derivation, and as many as could be made are counted, claimed or not.
   const bool bound = basis.decoder_bound && !basis.decoder_shipped;
   standing.p_tried = std::fmin(1, verification.p_corrected * (claimed && !bound ? 1 : basis.keys_to_try));
-  const bool tried = standing.p_tried > verification.settings.false_positive_rate;
+  const bool tried = standing.p_tried > std::fmin(verification.settings.false_positive_rate, proof_p_limit);
   if (verification.verdict != Verdict::detected) return standing;
   standing.kind = StandingKind::not_a_proof;
   if (!basis.decoder_shipped && !claimed && !bound) {

@@ -141,6 +141,14 @@ inline constexpr std::uint64_t largest_tries = std::uint64_t{1} << 62;
     return Error{ErrorKind::invalid, "", "false positive rate", "is not between 0 and 1",
                  "give the rate of false accusations you accept, as 1e-6"};
   }
+  if (!(settings.suspicion >= 0 && settings.suspicion <= 1)) {
+    return Error{ErrorKind::invalid, "", "suspicion", "is not between 0 and 1",
+                 "give the p-value up to which a result is called inconclusive, as 1e-2"};
+  }
+  if (!(settings.recipient_rate > 0 && settings.recipient_rate < 1)) {
+    return Error{ErrorKind::invalid, "", "recipient rate", "is not between 0 and 1",
+                 "give the rate of naming somebody who had no part, as 1e-3"};
+  }
   if (settings.tries < 1)
     return Error{ErrorKind::invalid, "", "tries", "is 0", "count every key and alignment that is tried"};
   if (settings.tries > largest_tries)

@@ -22,6 +22,8 @@
 #include "compmark/app/run/detail/run_any.hpp"
 #include "compmark/app/run/embed.hpp"
 #include "compmark/app/spread.hpp"
+#include "compmark/io/file_exists.hpp"
+#include "compmark/io/number_text.hpp"
 #include "compmark/io/splat/read_splat.hpp"
 #include "compmark/watermark/baselines/frozen_model.hpp"
 
@@ -145,7 +147,7 @@ class PassingFile {
   const Result<SpreadMarked> marked = mark_spread(*key, settings, *plan.executor);
   if (!marked) return in_option(marked.error(), "--spread");
   plan.with_spread = made->path();
-  plan.notes.push_back("a spread mark of " + short_number(marked->psnr, "%.1f") +
+  plan.notes.push_back("a spread mark of " + fixed_number(marked->psnr, 1) +
                        " dB is hidden first: verify --images PICTURES --unmarked " + plan.model.string() + " reads it");
   return made;
 }
@@ -237,11 +239,11 @@ class PassingFile {
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
   if (coded) settings.mark.identity += "networks of the file";  // … and as earlier versions did not train it
   if (baseline) settings.mark.identity += name_of(*plan.method);
-  if (plan.mark.spread) settings.mark.identity += "spread " + std::to_string(*plan.mark.spread);
+  if (plan.mark.spread) settings.mark.identity += "spread " + detail::exact_text(*plan.mark.spread);
   if (coded && own_unmarked) {
     if (Result<Done> held = hold_run(plan); !held) return held.error();
     const std::filesystem::path checkpoint = plan.out / "checkpoint.safetensors";
-    if (!plan.resume && std::filesystem::exists(checkpoint)) return unfinished_run(checkpoint);
+    if (!plan.resume && detail::file_exists(checkpoint)) return unfinished_run(checkpoint);
     mark->coded_unmarked = plan.out / "unmarked.cmk";
     // The check of a finished run below comes before anything of it is replaced.
     if (!plan.resume || plan.force || !holds_finished_run(plan.out)) {

@@ -19,6 +19,7 @@
 #include "compmark/app/run/detail/told.hpp"
 #include "compmark/app/run/fit_decoder.hpp"
 #include "compmark/app/run/run_folder.hpp"
+#include "compmark/io/file_exists.hpp"
 #include "compmark/io/owner_key.hpp"
 #include "compmark/io/safetensors.hpp"
 
@@ -60,7 +61,7 @@ namespace compmark::detail {
   if (plan.force && !plan.resume) {
     if (Result<Done> moved = move_decoder_aside(fit.out, notes_of(*plan.observer)); !moved) return moved;
   }
-  if (std::filesystem::exists(fit.out)) {
+  if (detail::file_exists(fit.out)) {
     const Result<SafetensorsFile> file = read_safetensors(fit.out);
     if (!file) return file.error();
     const Result<std::string> model = file_sha256(plan.model);
@@ -81,7 +82,7 @@ namespace compmark::detail {
     }
     if (Result<Done> moved = move_decoder_aside(fit.out, notes_of(*plan.observer)); !moved) return moved;
   }
-  if (std::filesystem::exists(plan.out / "checkpoint.safetensors")) {
+  if (detail::file_exists(plan.out / "checkpoint.safetensors")) {
     return Error{ErrorKind::invalid,
                  (plan.out / "checkpoint.safetensors").string(),
                  {},

@@ -13,6 +13,7 @@
 #include "compmark/app/reading.hpp"
 #include "compmark/app/run/owner_keys.hpp"
 #include "compmark/app/run/run_folder.hpp"
+#include "compmark/io/file_exists.hpp"
 #include "compmark/io/os_random.hpp"
 #include "compmark/watermark/proof/key.hpp"
 
@@ -29,7 +30,7 @@ inline Result<std::filesystem::path> move_key_aside(const std::filesystem::path&
   aside += "." + old->id() + ".old";
   std::error_code status;
   if (!std::filesystem::exists(aside, status)) std::filesystem::rename(path, aside, status);
-  if (status || std::filesystem::exists(path)) {
+  if (status || detail::file_exists(path)) {
     return Error{ErrorKind::unwritable,
                  aside.string(),
                  {},
@@ -51,6 +52,7 @@ COMPMARK_APP_INLINE Result<OwnerKey> open_private_key(const std::filesystem::pat
 COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, const SentenceSink& warn) {
   Digest256 secret{};
   unsigned hardness = settings.hardness;
+  bool before_version_5 = false;
   std::string decoder;
   if (!settings.decoder.empty()) {
     if (hardness == 0 && settings.from.empty()) {
@@ -66,6 +68,7 @@ COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, c
     if (!other) return other.error();
     secret = other->secret;
     hardness = other->hardness;  // the mask of its payloads follows from it, and from the decoder
+    before_version_5 = other->before_version_5;
     if (!decoder.empty() && decoder != other->decoder) {
       return Error{ErrorKind::invalid, settings.decoder.string(), "--decoder",
                    other->decoder.empty() ? "is given, and the key of --from is bound to none"
@@ -93,14 +96,40 @@ COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, c
                        std::to_string(other->bits) + " bits",
                    "give --bits " + std::to_string(other->bits)};
     }
+    // The mask of a key of version 5 follows from length and code too.
+    if (!settings.payload.empty() && other->version() >= 5) {
+      const auto differs = [&](const char* option, const std::string& problem, const std::string& remedy) {
+        return Error{ErrorKind::invalid, settings.from.string(), option, problem, remedy};
+      };
+      if (other->corrects == 0) {
+        return differs("--from", "is a key without a payload, which reads no payload of another key",
+                       "leave it out, and make the first key with a payload, too");
+      }
+      if (other->corrects != settings.corrects) {
+        return differs("--corrects",
+                       "is " + std::to_string(settings.corrects) + ", and the payload of the key of --from corrects " +
+                           std::to_string(other->corrects) + " bits",
+                       "give --corrects " + std::to_string(other->corrects) +
+                           ": keys that read each other's payloads have one code");
+      }
+      if (other->bits != settings.bits) {
+        return differs("--bits",
+                       "is " + std::to_string(settings.bits) + ", and the key of --from has messages of " +
+                           std::to_string(other->bits) + " bits",
+                       "give --bits " + std::to_string(other->bits));
+      }
+    }
   } else if (Result<Done> drawn = os_random(secret); !drawn) {
     return drawn.error();
   }
-  Result<OwnerKey> key =
-      hardness == 0     ? make_key(secret, settings.created, settings.bits, settings.note)
-      : decoder.empty() ? make_hard_key(secret, settings.created, settings.bits, settings.note, hardness)
-                        : make_bound_key(secret, decoder, settings.created, settings.bits, settings.note, hardness);
+  Result<OwnerKey> key = make_key(secret, settings.created, settings.bits, settings.note);
   if (!key) return key.error();
+  if (hardness != 0) {
+    if (Result<Done> range = detail::check_hardness(hardness); !range) return range.error();
+  }
+  key->hardness = hardness;
+  key->decoder = std::move(decoder);
+  key->before_version_5 = before_version_5;
   if (!settings.decoder.empty()) {  // it is one, and reads as many bits
     if (const Result<FileDecoder> opened = open_decoder(settings.decoder, &*key); !opened) return opened.error();
   }
@@ -129,6 +158,7 @@ COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, c
                  "would make the same key again",
                  "give the new key a payload of its own with --payload"};
   }
+  key->settle();
   // Of two processes that make the same name at once, the second would replace the first's key, which somebody was told
   // of and nobody has.
   const Result<std::shared_ptr<const void>> alone = hold_file(settings.out);

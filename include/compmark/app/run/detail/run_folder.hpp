@@ -13,6 +13,7 @@
 #include "compmark/app/files.hpp"
 #include "compmark/app/run/run_folder.hpp"
 #include "compmark/io/atomic_file.hpp"
+#include "compmark/io/file_exists.hpp"
 #include "compmark/io/folder_lock.hpp"
 
 namespace compmark {
@@ -20,7 +21,7 @@ namespace compmark {
 COMPMARK_APP_INLINE Result<Done> make_folder(const std::filesystem::path& path) {
   std::error_code status;
   std::filesystem::create_directories(path, status);
-  if (status || !std::filesystem::is_directory(path)) {
+  if (status || !detail::folder_exists(path)) {
     return Error{ErrorKind::unwritable, path.string(), "--out", "the folder cannot be created: " + status.message(),
                  "choose a place you may write to"};
   }

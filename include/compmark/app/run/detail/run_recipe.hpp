@@ -29,6 +29,7 @@
 #include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/thread_executor.hpp"
+#include "compmark/io/file_exists.hpp"
 #include "compmark/io/splat_ply.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
 #include "compmark/splat/export/explicit_splats.hpp"
@@ -89,7 +90,7 @@ struct SourceRecipe<R> {
 /// Loads the checkpoint of a resumed run and returns what it had told so far; nothing if the run begins.
 template <class Loop>
 COMPMARK_ONCE Result<std::optional<EarlierPart>> take_up(const RunPlan& plan, const RunData& data, Loop& loop) {
-  if (!std::filesystem::exists(data.checkpoint)) return std::optional<EarlierPart>();
+  if (!detail::file_exists(data.checkpoint)) return std::optional<EarlierPart>();
   if (!plan.resume) return unfinished_run(data.checkpoint);
   Result<Checkpoint<Loop>> restored = read_checkpoint<Loop>(data.checkpoint, data.settings, data.info);
   if (!restored) return restored.error();

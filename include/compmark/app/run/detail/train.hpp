@@ -16,6 +16,7 @@
 #include "compmark/app/run/detail/in_file.hpp"
 #include "compmark/app/run/detail/train_codec.hpp"
 #include "compmark/app/run/train.hpp"
+#include "compmark/io/file_exists.hpp"
 
 namespace compmark {
 namespace detail {
@@ -37,10 +38,10 @@ namespace detail {
   if (!held) return held.error();
   plan.folder = std::move(*held);
   const std::filesystem::path checkpoint = plan.out / "checkpoint.safetensors";
-  if (!plan.resume && std::filesystem::exists(checkpoint)) return unfinished_run(checkpoint);
+  if (!plan.resume && detail::file_exists(checkpoint)) return unfinished_run(checkpoint);
   const std::filesystem::path decoder = plan.out / "decoder.safetensors";
   const bool fits = plan.mark.decoder.empty();
-  if (fits && !plan.resume && !plan.force && std::filesystem::exists(decoder)) {
+  if (fits && !plan.resume && !plan.force && detail::file_exists(decoder)) {
     return Error{ErrorKind::invalid, decoder.string(), "--out", "holds the decoder of an earlier run",
                  "to keep it, choose another --out; to continue, give --resume; to move it aside, give"
                  " --force"};

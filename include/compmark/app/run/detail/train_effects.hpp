@@ -19,6 +19,7 @@
 #include "compmark/app/recipe_names.hpp"
 #include "compmark/app/run/effect_choice.hpp"
 #include "compmark/app/run/train.hpp"
+#include "compmark/io/file_exists.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/scene/open.hpp"
@@ -53,10 +54,10 @@ inline Result<bool> continue_begun(TrainChoice& chosen) {
   if (marks_afterwards(chosen)) {
     for (const char* name : {"model.safetensors", "checkpoint.safetensors"}) {
       const std::filesystem::path unmarked = chosen.out / unmarked_folder / name;
-      if (std::filesystem::exists(unmarked)) begun = unmarked;
+      if (detail::file_exists(unmarked)) begun = unmarked;
     }
   }
-  if (!std::filesystem::exists(begun)) return false;
+  if (!detail::file_exists(begun)) return false;
   const Result<SafetensorsFile> file = read_safetensors(begun);
   if (!file) return file.error();
   const Result<std::string> text = file->text_of("info");
