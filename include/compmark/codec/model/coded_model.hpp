@@ -196,12 +196,12 @@ template <Recipe R>
 [[nodiscard]] Result<LoadedModel<R>> model_from(const CodecModel& coded) {
   using Scalar = typename R::Scalar;
   constexpr DecoderShape shape = R::AnchorModel::shape;
-  if (const Result<Done> whole = detail::check_codec_model(coded); !whole) return whole.error();
   Result<ModelInfo> info = model_info(coded);
   if (!info) return info.error();
   if (coded.feature_dim != shape.feature_dim || coded.offset_count != shape.offsets) {
     return detail::coded_error("META.shape", "is not that of recipe " + info->recipe, "encode the model again");
   }
+  if (const Result<Done> whole = detail::check_codec_model(coded); !whole) return whole.error();
   const auto number = [&](const char* key) -> const double* {
     const auto found = coded.metadata.find(key);
     return found == coded.metadata.end() ? nullptr : std::get_if<double>(&found->second);
