@@ -3,7 +3,9 @@
 #include "input_files.hpp"
 
 #include <algorithm>
+#include <compmark/io/file_identity.hpp>
 #include <compmark/io/file_kind.hpp>
+#include <filesystem>
 #include <initializer_list>
 #include <string>
 #include <vector>
@@ -53,6 +55,15 @@ Taken taken_by(InputKind kind) {
   return {"", {}};
 }
 
+/// The ending of a name that says another kind of file than a model; empty: it says none.
+std::string ending_of_another_kind(const std::filesystem::path& path) {
+  const std::string ending = detail::lower(path.extension().string());
+  for (const char* other : {".ply", ".splat", ".ksplat", ".spz", ".sog", ".glb", ".html", ".cmk"}) {
+    if (ending == other) return ending;
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<Done> check_input_kinds(const FileUse& use) {
@@ -87,6 +98,13 @@ Result<Done> check_output_kinds(const FileUse& use) {
     if (output.written == OutputKind::compressed) right = replaces({K::cmk});
     if (output.written == OutputKind::decoder) right = replaces({K::decoder});
     if (output.written == OutputKind::interference) right = replaces({K::interference});
+    if (right && output.written == OutputKind::model) {
+      const std::string ending = ending_of_another_kind(output.path);
+      if (ending.empty()) continue;
+      return Error{ErrorKind::invalid, output.path.string(), output.said,
+                   "ends in " + ending + ", but this command writes a model",
+                   "end it in .safetensors, and export it"};
+    }
     if (right) continue;
     return Error{
         ErrorKind::unwritable, output.path.string(), output.said,

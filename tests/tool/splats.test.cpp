@@ -39,6 +39,8 @@ TEST_CASE("splats: a file of another program is marked without photographs, and 
   const Outcome marked = done(embed + "--iterations 20 --up z --out " + splats.at("run"));
   CHECK(marked.text.find("dB between the renders") != std::string::npos);
   CHECK(marked.text.find("dB lost") == std::string::npos);  // to photographs, and there are none
+  CHECK(marked.text.find("next: compmark export --model " + splats.at("run/marked.ply") + " --out ") !=
+        std::string::npos);
   const nlohmann::json results = testing::json_of(splats.at("run/results.json"));
   CHECK(results["dataset"] == "scene.ply");
   CHECK(results["recipe"] == "explicit");
@@ -71,6 +73,13 @@ TEST_CASE("splats: a mark that single pictures prove is hidden in a splat file t
   const Outcome spread = done("spread --model " + splats.ply.string() + " --key " + splats.key + " --out " +
                               splats.at("marked.safetensors"));
   CHECK(spread.text.find("dB between renders") != std::string::npos);
+  // A name that says splats would be given to a model.
+  for (const char* name : {"wrong.ply", "wrong.SPZ", "wrong.html", "wrong.cmk"}) {
+    testing::check_refused(
+        tool("spread --model " + splats.ply.string() + " --key " + splats.key + " --out " + splats.at(name)),
+        {name, "--out: ends in .", "but this command writes a model; end it in .safetensors, and export it"});
+    CHECK_FALSE(std::filesystem::exists(splats.at(name)));
+  }
   done("export --model " + splats.at("marked.safetensors") + " --out " + splats.at("marked.ply") + " --compare 0");
   const Result<SplatFile> written = read_splat(splats.at("marked.ply"));
   REQUIRE(written.ok());

@@ -417,6 +417,9 @@ TEST_CASE(
   const Outcome outcome = tool(run + " --resume");
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
+  // One thing comes next: nothing is told of the unmarked model but that it is kept.
+  CHECK(testing::times_in(outcome.text, "next: compmark export --model ") == 1);
+  CHECK(outcome.text.find("next: compmark export --model " + at("whole/model.safetensors")) != std::string::npos);
   const nlohmann::json results = json_of(at("whole/results.json"));
   MESSAGE(results["bit_accuracy"].dump(), " p ", results["p_value"].dump(), " cost ",
           results["psnr_cost_vs_unmarked"].dump(), " dB, ", results["psnr_marked_vs_unmarked"].dump(), " dB");

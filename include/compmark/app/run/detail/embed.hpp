@@ -75,7 +75,8 @@ namespace detail {
   if (plan.recipe == "explicit") {
     return Error{ErrorKind::unsupported, plan.model.string(), "--spread",
                  "is for models whose anchors have features, and splats of other programs have none",
-                 "leave the option out, or make a model of them with compmark adopt"};
+                 "hide the spread mark first, with compmark spread --out OUT, and then the message, with compmark embed "
+                 "--model OUT --data " + plan.data.string()};
   }
   return check_spread_psnr(*plan.mark.spread, "--spread");
 }
