@@ -81,8 +81,8 @@ bool is_shipped(const fs::path& decoder) {
 std::vector<std::string> files_beside(const Certify& options) {
   const ReadingOptions& reading = options.reading;
   std::vector<std::string> names;
-  for (const fs::path* path : {&options.key, &reading.decoder, &reading.model, &reading.unmarked,
-                               &reading.interference}) {
+  for (const fs::path* path :
+       {&options.key, &reading.decoder, &reading.model, &reading.unmarked, &reading.interference}) {
     if (path->empty() || (path == &reading.decoder && is_shipped(*path))) continue;
     names.push_back(path->filename().string());
   }
@@ -275,7 +275,8 @@ Command add_certify(Options& app) {
   add_verify_options(app, options);
   app.writes_into("--out", options->out, "new folder for the record")->required();
   app.footer(
-      "Exit codes are those of verify. The folder has record.html, record.json, the images as they were read, claim "
+      "Exit codes, as of verify: 0 detected; 1 not detected; 2 error; 3 inconclusive, or no proof. The folder has "
+      "record.html, record.json, the images as they were read, claim "
       "and\n"
       "time stamp, a soft-binding assertion of C2PA where the mark was detected (soft_binding.cbor), and SHA256SUMS. "
       "It\n"

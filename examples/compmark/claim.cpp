@@ -47,7 +47,8 @@ int claim(ClaimOptions& options) {
             " --out RUN";
     subtracts = " --unmarked " + options.unmarked.string();
   }
-  if (subtracts.empty() && !options.interference.empty()) subtracts = " --interference " + options.interference.string();
+  if (subtracts.empty() && !options.interference.empty())
+    subtracts = " --interference " + options.interference.string();
   std::printf("%s%s: sha256 %s\n", made->text().c_str(), file.c_str(), to_hex(made->digest()).c_str());
   std::printf(
       "Publish this SHA-256, or the file, where others date it, before anybody else has anything of the scene. A "

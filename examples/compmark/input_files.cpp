@@ -8,7 +8,10 @@
 #include <filesystem>
 #include <initializer_list>
 #include <string>
+#include <system_error>
 #include <vector>
+
+#include "decoder_choice.hpp"
 
 namespace tool {
 namespace {
@@ -77,6 +80,19 @@ Result<Done> check_input_kinds(const FileUse& use) {
     error.field = read.said;
     return error;
   }
+  // Of captures and images the readers say more.
+  for (const UsedFile& read : use.reads) {
+    if (read.kind == InputKind::other || read.kind == InputKind::images || read.kind == InputKind::dataset) continue;
+    std::error_code status;
+    if (std::filesystem::status(read.path, status).type() == std::filesystem::file_type::not_found) {
+      const bool fit = read.kind == InputKind::decoder && read.path == fitted_decoder_word;  // a word of other commands
+      return Error{ErrorKind::not_found, read.path.string(), read.said, "no such file",
+                   fit ? "name the file, RUN/decoder.safetensors: this command reads a decoder that is there"
+                       : "check the path"};
+    }
+    if (identify_file(read.path) == FileKind::empty)
+      return Error{ErrorKind::truncated, read.path.string(), read.said, "is empty", "copy it again"};
+  }
   return Done{};
 }
 
@@ -102,8 +118,7 @@ Result<Done> check_output_kinds(const FileUse& use) {
       const std::string ending = ending_of_another_kind(output.path);
       if (ending.empty()) continue;
       return Error{ErrorKind::invalid, output.path.string(), output.said,
-                   "ends in " + ending + ", but this command writes a model",
-                   "end it in .safetensors, and export it"};
+                   "ends in " + ending + ", but this command writes a model", "end it in .safetensors, and export it"};
     }
     if (right) continue;
     return Error{

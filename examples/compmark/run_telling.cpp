@@ -18,7 +18,8 @@ using namespace compmark;
 namespace {
 
 constexpr const char* unread_mark =
-    "the mark cannot be read yet: more --mark-iterations (--iterations of embed), or a lower --fidelity; do not publish "
+    "the mark cannot be read yet: more --mark-iterations (--iterations of embed), or a lower --fidelity; do not "
+    "publish "
     "this model\n";
 
 }  // namespace
@@ -134,10 +135,10 @@ void RunTelling::on_finished(const RunOutcome& outcome) {
     // a codec that is fitted to a marked model, it does.
     const bool fitted = results.method.empty() && results.recipe.find("+fitted") != std::string::npos;
     const bool read = outcome.verification->verdict == Verdict::detected || !outcome.verification->threshold || fitted;
-    std::fprintf(figures_, "bits read: %.1f %% in the mean, %.1f %% in the worst view\n%s",
-                 100 * results.watermark->mean, 100 * results.watermark->min,
-                 (read ? report_text(*outcome.verification) : evidence_text(*outcome.verification) + unread_mark)
-                     .c_str());
+    std::fprintf(
+        figures_, "bits read: %.1f %% in the mean, %.1f %% in the worst view\n%s", 100 * results.watermark->mean,
+        100 * results.watermark->min,
+        (read ? report_text(*outcome.verification) : evidence_text(*outcome.verification) + unread_mark).c_str());
     if (results.watermark->psnr_marked_vs_unmarked) {
       std::fprintf(figures_, "against the unmarked counterpart: ");
       if (const std::optional<double> lost = results.watermark->psnr_cost_vs_unmarked)

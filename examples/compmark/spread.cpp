@@ -51,7 +51,9 @@ Command add_spread(Options& app) {
             "the model, or a splat file, which becomes the unmarked one")
       ->required();
   app.reads("--key", options->key, InputKind::key, "the owner's key file (compmark keygen)")->required();
-  app.writes("--out", options->out, OutputKind::model, "the marked model to write, which ends in .safetensors; compmark export makes splats of it")->required();
+  app.writes("--out", options->out, OutputKind::model,
+             "the marked model to write, which ends in .safetensors; compmark export makes splats of it")
+      ->required();
   app.number("--psnr", options->psnr, RealRange{30, 80},
              "decibels between renders of the marked and the unmarked model; one picture proves a mark of 50")
       ->capture_default_str();

@@ -165,12 +165,12 @@ TEST_CASE("tool: a finished embedding and a fitted codec that are resumed are le
 
   const std::string fitted = "fit-codec" + from + " --out " + at("fitted") + " --model " + plain;
   done(fitted);
-  check_finished(fitted, at("fitted"),
-                 {{"--lambda 0.002", "--lambda was 0.001 and is 0.002"},
-                  {"--touch-up", "--touch-up"},
-                  {"--codec context_gs", "and --codec was hac and is context_gs; give"},
-                  {"--key " + at("owner.key") + " --decoder " + decoder.string(),
-                   "and was made without --key; leave --key out"}});
+  check_finished(
+      fitted, at("fitted"),
+      {{"--lambda 0.002", "--lambda was 0.001 and is 0.002"},
+       {"--touch-up", "--touch-up"},
+       {"--codec context_gs", "and --codec was hac and is context_gs; give"},
+       {"--key " + at("owner.key") + " --decoder " + decoder.string(), "and was made without --key; leave --key out"}});
   // A model of a codec: what stands beside the marked file is not written anew either.
   const std::string small = "embed" + from + " --out " + at("small") + " --key " + at("owner.key") + " --decoder " +
                             decoder.string() + " --model ";

@@ -97,7 +97,9 @@ TEST_CASE("splats: a model of ours is trained from the renders of a splat file")
   // It is evaluated against the same splats, from the same cameras.
   done("evaluate --model " + splats.at("run/model.safetensors") + " --data " + splats.ply.string() + " --downscale 16");
   testing::check_refused(tool("adopt --splat " + splats.folder.path.string() + " --out " + splats.at("no")),
-                         {"--splat"});
+                         {"--splat", "is a folder, not a splat file"});
+  testing::check_refused(tool("probe --data " + splats.ply.string()),
+                         {"--data", "no photographs whose effects", "adopt --splat"});
   CHECK_FALSE(std::filesystem::exists(splats.at("no")));
 }
 

@@ -196,7 +196,8 @@ enum class FileKind {
     case FileKind::spz:
     case FileKind::sog:
     case FileKind::glb:
-      return "info, render, evaluate, export, verify, embed and spread --model take it; to compress it, make a model of "
+      return "info, render, evaluate, export, verify, embed and spread --model take it; to compress it, make a model "
+             "of "
              "it first: compmark adopt --splat FILE --codec hac";
     default:
       return "";

@@ -164,7 +164,8 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   if (key_before != key_now) {
     if (key_before.is_null()) return refused("was made without --key", "leave --key out");
     const bool marks = plan.model.empty();  // a fit of a codec only reads the mark
-    if (key_now.is_null()) return refused(marks ? "was marked with --key" : "was made with --key", "give --key KEY again");
+    if (key_now.is_null())
+      return refused(marks ? "was marked with --key" : "was made with --key", "give --key KEY again");
     return refused("--key differs", "give the --key that it was made with");
   }
   const auto codec = [&](const std::string& name, const nlohmann::json& files) {
@@ -195,7 +196,8 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   if (!identity) return identity.error();
   const nlohmann::json now = json_from<nlohmann::json>(*identity);
   const nlohmann::json before = json_from<nlohmann::json>(results->identity);
-  nlohmann::json files = before.is_object() ? before.value("files", nlohmann::json::object()) : nlohmann::json::object();
+  nlohmann::json files =
+      before.is_object() ? before.value("files", nlohmann::json::object()) : nlohmann::json::object();
   if (files.contains("--twin")) files["--unmarked"] = files["--twin"];  // as the option was called
   if (before.is_object() && !plan.force) {
     if (Result<Done> same = check_same_kind(plan, info->recipe, run.info.recipe, files, now["files"]); !same)

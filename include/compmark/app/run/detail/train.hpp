@@ -12,10 +12,10 @@
 #include <string>
 #include <utility>
 
+#include "compmark/app/reading.hpp"
 #include "compmark/app/run/detail/embed.hpp"
 #include "compmark/app/run/detail/in_file.hpp"
 #include "compmark/app/run/detail/train_codec.hpp"
-#include "compmark/app/reading.hpp"
 #include "compmark/app/run/train.hpp"
 #include "compmark/io/file_exists.hpp"
 
