@@ -19,8 +19,7 @@ Command add_adopt(Options& app) {
     using namespace compmark;
     const std::filesystem::path& splat = options->settings.data;
     if (!is_splat_file(splat))
-      return fail({ErrorKind::invalid, splat.string(), "--splat",
-                   std::filesystem::is_directory(splat) ? "is a folder, not a splat file" : "is no splat file",
+      return fail({ErrorKind::invalid, splat.string(), "--splat", "is no splat file",
                    "train a model from photographs with compmark train"});
     return show_command(app, *options, train_scene);
   };

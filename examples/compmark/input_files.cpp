@@ -50,6 +50,8 @@ Taken taken_by(InputKind kind) {
     case InputKind::dataset:
       return {"the folder of a capture, or splats",
               {K::folder, K::capture, K::json, K::ply, K::splat, K::spz, K::gzip, K::sog, K::glb}};
+    case InputKind::splats:
+      return {"a splat file", {K::ply, K::splat, K::spz, K::gzip, K::sog, K::glb}};
     case InputKind::weights:
       return {"LPIPS weights", {K::lpips, K::safetensors}};
     case InputKind::other:

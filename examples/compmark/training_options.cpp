@@ -131,7 +131,7 @@ void bind_options(Options& app, TrainOptions& options) {
 }
 
 void bind_adopt_options(Options& app, TrainOptions& options) {
-  app.reads("--splat", options.settings.data, InputKind::dataset,
+  app.reads("--splat", options.settings.data, InputKind::splats,
             "splat file of any program (PLY, compressed PLY, SPZ, SOG, .splat, .ksplat or .glb), not the folder of a "
             "capture; its renders from 128 cameras round it are the photographs")
       ->required();

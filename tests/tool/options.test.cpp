@@ -298,6 +298,7 @@ TEST_CASE("options: a file of another kind is named for what it is") {
       {"time stamp", {}},
       {"images", {"photographs/a.png", "photographs"}},
       {"dataset", {"cameras.json", "photographs", "splats.ply"}},
+      {"splat file", {"splats.ply"}},
       {"LPIPS weights", {}}};
   const auto before = place.all();
   std::size_t tried = 0;

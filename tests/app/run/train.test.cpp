@@ -223,7 +223,7 @@ TEST_CASE("app/run/train: a key that does not fit the decoder is refused before 
       settings.mark.fidelity = 100;
     }
     REQUIRE(marks_afterwards(settings));
-    settings.iterations = 1;
+    settings.iterations = 3;
     settings.mark_iterations = 1;
     const Result<RunOutcome> outcome = train_scene(settings, executor, told);
     std::filesystem::remove(scene.key);

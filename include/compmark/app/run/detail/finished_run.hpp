@@ -145,8 +145,8 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   return digest && *digest == results->model_sha256;
 }
 
-/// An error where a finished run had another key, or none, or another codec: what else differs follows from that, and is
-/// left unsaid. Runs of models that differ are left to compare_settings.
+/// An error where a finished run had another key, or none, or another codec: what else differs follows from that, and
+/// is left unsaid. Runs of models that differ are left to compare_settings.
 [[nodiscard]] inline Result<Done> check_same_kind(const RunPlan& plan, const std::string& recipe_before,
                                                   const std::string& recipe, const nlohmann::json& before,
                                                   const nlohmann::json& now) {
