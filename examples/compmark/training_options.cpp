@@ -138,9 +138,9 @@ void bind_adopt_options(Options& app, TrainOptions& options) {
   bind_training(app, options);
 }
 
-Result<Done> complete(const Options& app, TrainOptions& options) {
-  TrainSceneSettings& settings = options.settings;
-  // What somebody gives by hand is for something; presets set both of them.
+Result<Done> check_given(const Options& app, const TrainOptions& options) {
+  const TrainSceneSettings& settings = options.settings;
+  // Presets set both of them.
   if (app.count("--lambda") != 0 && settings.codec == "none" && !is_coded_recipe(settings.recipe)) {
     return Error{ErrorKind::invalid,
                  {},
@@ -151,6 +151,11 @@ Result<Done> complete(const Options& app, TrainOptions& options) {
   if (app.count("--mark-iterations") != 0 && settings.mark.key.empty()) {
     return Error{ErrorKind::invalid, {}, "--mark-iterations", "needs a message to hide", "give --key"};
   }
+  return Done{};
+}
+
+Result<Done> complete(const Options& app, TrainOptions& options) {
+  TrainSceneSettings& settings = options.settings;
   apply_preset(app, options.preset, settings);
   settings.lens = options.lens == "ignore"    ? LensTreatment::ignore
                   : options.lens == "project" ? LensTreatment::keep

@@ -41,6 +41,10 @@ TEST_CASE("splats: a file of another program is marked without photographs, and 
   CHECK(marked.text.find("dB lost") == std::string::npos);  // to photographs, and there are none
   CHECK(marked.text.find("next: compmark export --model " + splats.at("run/marked.ply") + " --out ") !=
         std::string::npos);
+  // An owner whose mark is not read is told what to do about it, not how a judge would find.
+  CHECK(marked.text.find("NOT DETECTED") == std::string::npos);
+  CHECK((marked.text.find("DETECTED: these images") == std::string::npos) ==
+        (marked.text.find("the mark cannot be read yet: more --mark-iterations") != std::string::npos));
   const nlohmann::json results = testing::json_of(splats.at("run/results.json"));
   CHECK(results["dataset"] == "scene.ply");
   CHECK(results["recipe"] == "explicit");
@@ -65,6 +69,11 @@ TEST_CASE("splats: a file of another program is marked without photographs, and 
                               " --iterations 20 --out " + splats.at("no")),
                          {"--data"});
   testing::check_refused(tool(embed + "--iterations 20 --fidelity 0 --out " + splats.at("no")), {"explicit"});
+  testing::check_refused(tool(embed + "--iterations 20 --spread 50 --out " + splats.at("no")),
+                         {"--spread",
+                          "with compmark spread --out OUT, and then the message, with compmark embed --model "
+                          "OUT --data " +
+                              splats.ply.string()});
   CHECK_FALSE(std::filesystem::exists(splats.at("no")));
 }
 

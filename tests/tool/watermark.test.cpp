@@ -67,6 +67,10 @@ nlohmann::json train(const std::string& out, const std::string& options, int ite
       at(out) + (options.find("--voxel-size") == std::string::npos ? " --voxel-size 0.2 " : " ") + options);
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
+  // One thing comes next. Of a model that was trained on the way it is only told that it is kept.
+  CHECK(testing::times_in(outcome.text, "next: compmark ") == 1);
+  CHECK(testing::times_in(outcome.text, "kept for you alone: " + at(out) + "/unmarked\n") ==
+        (fs::exists(at(out) + "/unmarked/results.json") ? 1u : 0u));
   return json_of(at(out) + "/results.json");
 }
 const nlohmann::json& unmarked() {
