@@ -193,7 +193,24 @@ TEST_CASE("app/export: nothing is written where the model has no such view, or t
   CHECK(nowhere.error().file == files.file.string());
   CHECK(nowhere.error().problem.find("\"view 9\"") != std::string::npos);
   settings.view.clear();
+  for (const int degree : {-1, 4, 100}) {  // 4 wrote beyond an array once
+    settings.degree = degree;
+    CHECK(export_model(model, files.out, settings, files.executor).error().field == "--sh-degree");
+  }
+  settings.degree = 1;
   CHECK(export_model(model, files.folder.path / "none" / "a.ply", settings, files.executor).error().field == "--out");
+  CHECK(export_model(model, files.folder.path / std::string(300, 'a') / "a.ply", settings, files.executor)
+            .error()
+            .field == "--out");
+  // The data are opened before minutes of fitting.
+  settings.data = files.folder.path / "no data";
+  settings.compare = 1;
+  Told untold;
+  const Result<ExportReport> no_data = export_model(model, files.out, settings, files.executor, untold);
+  REQUIRE_FALSE(no_data.ok());
+  CHECK(no_data.error().file == settings.data.string());
+  CHECK(untold.events == std::vector<std::string>{"begin"});
+  settings.data.clear();
   ModelInfo blind = testing::small_info("scaffold");
   blind.views.clear();
   AnyModel without = files.open(blind);

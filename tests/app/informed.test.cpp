@@ -180,6 +180,38 @@ TEST_CASE(
   for (const std::size_t i : {0u, 1u}) CHECK(energy(all->report.views[i].logits) < 0.5 * energy(read->views[i].logits));
 }
 
+TEST_CASE("app/informed: pictures in memory are read as files are, and what it does not read is refused") {
+  InformedFiles files;
+  const fs::path path = files.picture(files.marked, "a.png");
+  const Result<InformedReport> by_file = files.verify(files.key, path);
+  REQUIRE(by_file.ok());
+  const Result<OpenPicture> opened = open_picture(path);
+  REQUIRE(opened.ok());
+  const ImageBytes bytes = to_bytes(opened->image());
+  files.reading.images.clear();
+  CHECK(verify_informed(files.key, files.reading, VerifySettings{}, files.executor).error().field == "--images");
+  files.reading.pictures = {{"a.png", opened->width, opened->height, 3, bytes.pixels}};
+  const Result<InformedReport> in_memory = verify_informed(files.key, files.reading, VerifySettings{}, files.executor);
+  REQUIRE(in_memory.ok());
+  REQUIRE(in_memory->pictures.size() == 1);
+  CHECK(in_memory->pictures[0].name == "a.png");
+  CHECK(in_memory->spread.p_value == by_file->spread.p_value);
+  CHECK(in_memory->report.views[0].logits == by_file->report.views[0].logits);
+  // Both: of each one.
+  files.reading.images = {path};
+  const Result<InformedReport> both = verify_informed(files.key, files.reading, VerifySettings{}, files.executor);
+  REQUIRE(both.ok());
+  CHECK(both->pictures.size() == 2);
+  files.reading.interference = path;
+  CHECK(verify_informed(files.key, files.reading, VerifySettings{}, files.executor)
+            .error()
+            .line()
+            .find("both subtract") != std::string::npos);
+  files.reading.interference.clear();
+  files.reading.model = files.marked;
+  CHECK_FALSE(verify_informed(files.key, files.reading, VerifySettings{}, files.executor).ok());
+}
+
 TEST_CASE("app/informed: two tests are one verdict, at twice the price") {
   Verification message;
   message.settings.tries = 2;

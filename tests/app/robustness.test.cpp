@@ -126,6 +126,21 @@ TEST_CASE("app/robustness: gradient steps through the decoder leave a spread mar
   CHECK(measured({}).informed_p_value > 1e-3);  // another key's
 }
 
+TEST_CASE("app/robustness: a folder of pictures that was there keeps what was in it") {
+  BenchFiles files;
+  files.settings.unmarked = files.settings.model;
+  files.settings.pictures = files.folder.path / "pictures";
+  std::filesystem::create_directories(files.settings.pictures);
+  REQUIRE(write_file(files.settings.pictures / "mine.txt", std::string_view("mine")).ok());
+  RobustnessBench bench = files.open();
+  REQUIRE(bench.measure({}, files.executor).ok());
+  const Result<RobustnessCell> cell = bench.measure({Kind::picture, "jpeg:50"}, files.executor);
+  REQUIRE(cell.ok());
+  CHECK(cell->informed == 1);
+  CHECK(std::filesystem::exists(files.settings.pictures / "mine.txt"));
+  CHECK(std::filesystem::exists(files.settings.pictures / "view_0.png"));
+}
+
 TEST_CASE("app/robustness: what is missing is told before anything is measured") {
   BenchFiles files;
   files.settings.unmarked = files.settings.model;

@@ -180,6 +180,8 @@ TEST_CASE("scene/resize: sizes of the published datasets") {
   CHECK(scaled_size(4946, 3286, 8, 1600) == ImageSize{618, 411});  // 618.25 and 410.75
   CHECK(scaled_size(5, 7, 2, 1600) == ImageSize{2, 4});            // halves to even, as Python rounds
   CHECK(scaled_size(3, 3, 64, 1600) == ImageSize{1, 1});
+  // Of a factor that would enlarge beyond what image files hold (an int, once), the largest side.
+  CHECK(scaled_size(800, 600, 1e-8, 1600) == ImageSize{65536, 65536});
 }
 
 TEST_CASE("scene/resize: a constant stays constant, for every value, ratio and filter") {
@@ -262,6 +264,10 @@ TEST_CASE("scene/image_store: a photograph that decodes to more than the budget 
   view.file_width = 16;
   view.file_height = 12;
   CHECK(ImageStore(dataset, {}, settings).get(std::size_t{0}).ok());  // ordinary photographs always are
+  view.camera.width = view.camera.height = 16000;                     // what is delivered counts as well
+  const Result<const StoredImage*> enlarged = ImageStore(dataset, {}, settings).get(std::size_t{0});
+  REQUIRE(!enlarged.ok());
+  CHECK(names(enlarged.error(), "a.png", "downscale", "--memory-budget"));
 }
 
 TEST_CASE("scene/image_store: pictures that no file holds are made when they are asked for, and kept") {

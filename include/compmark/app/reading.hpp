@@ -37,8 +37,9 @@ using FileDecoder = StoredDecoder<float, WinogradOrDirect>;
 /// key with recipients and none of them is named, or another than it has.
 [[nodiscard]] Result<OwnerKey> for_recipient(OwnerKey key, const std::filesystem::path& path, std::size_t recipient);
 /// Reads a decoder file. With a key: the decoder of the key's message length, or an error; a carrier file needs the
-/// key.
-[[nodiscard]] Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key);
+/// key. `sha256`, if any, is set to that of the bytes that were read.
+[[nodiscard]] Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key,
+                                               std::string* sha256 = nullptr);
 
 /// Reads a file of measure_interference (interference.hpp), as that of the logits of the decoder `decoder`; of a
 /// carrier file, with the key. Error: it was measured for another decoder.

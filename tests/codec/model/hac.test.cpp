@@ -254,6 +254,10 @@ TEST_CASE("model/hac: what a file says of its model is checked before it is beli
   refused([](CodecModel& m) { m.metadata["iterations"] = "many"; }, "META.iterations");
   refused([](CodecModel& m) { m.metadata["train_views"] = std::int64_t{-1}; }, "META");
   refused([](CodecModel& m) { m.metadata["near_plane"] = std::nan(""); }, "META");
+  // Of an embedder's making: longer than its anchors are.
+  refused([](CodecModel& m) { m.feature.push_back(0); }, "anchors");
+  refused([](CodecModel& m) { m.scale.push_back(1); }, "anchors");
+  refused([](CodecModel& m) { m.mask.pop_back(); }, "anchors");
   refused([](CodecModel& m) { m.metadata["background"] = "short"; }, "META");
   refused([](CodecModel& m) { m.metadata["effects"] = "{"; }, "META.effects");
   refused([](CodecModel& m) { m.metadata["views"] = "[[\"a\",1]]"; }, "META.views");

@@ -191,6 +191,27 @@ TEST_CASE_TEMPLATE("training/effects_bytes: exposure adds twelve numbers a view 
   CHECK((file != HandWritten().file(checksum_of(file))));  // the control
 }
 
+TEST_CASE("training/effects_bytes: a number of views that the file does not bear out is no reason to take memory") {
+  const testing::TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "model.safetensors";
+  const Model<recipes::ScaffoldExposure> model = filled_model<recipes::ScaffoldExposure>();
+  auto numbers = detail::numbers_of(model);
+  for (const std::size_t views : {numbers.train_views, std::size_t{1} << 24}) {  // 805 MB of exposures
+    CAPTURE(views);
+    const bool right = views == numbers.train_views;
+    numbers.train_views = views;
+    REQUIRE(detail::write_model_file(path, model.arena, numbers, info_of_views()).ok());
+    const Result<SafetensorsFile> file = read_safetensors(path);
+    REQUIRE(file.ok());
+    const Result<LoadedModel<recipes::ScaffoldExposure>> loaded = model_from<recipes::ScaffoldExposure>(*file);
+    CHECK(loaded.ok() == right);
+    if (!right) {
+      CHECK(loaded.error().field == "exposure");
+      CHECK(loaded.error().problem.find("16777216 views") != std::string::npos);
+    }
+  }
+}
+
 TEST_CASE(
     "training/effects_bytes: the appearance embedding adds its table, its columns of the colour head, and its width") {
   HandWritten hand;

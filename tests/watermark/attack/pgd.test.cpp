@@ -74,6 +74,24 @@ TEST_CASE("attack/pgd: a picture says what it is made to say, within epsilon, th
   CHECK(picture(false, 1) == picture(false, 2));
 }
 
+TEST_CASE("attack/pgd: a render beyond 0 and 1 is attacked as the file that it would be") {
+  Known known;
+  const std::vector<std::uint8_t> aim = opposite_bits(known.image, known.decoder, known.context, known.executor);
+  PgdSettings settings;
+  settings.epsilon = 0.02;
+  std::vector<float> beyond = known.pixels, inside = known.pixels;
+  for (std::size_t i = 0; i < beyond.size(); i += 3) {
+    beyond[i] = i % 2 == 0 ? 1.5f : -0.5f;
+    inside[i] = i % 2 == 0 ? 1.0f : 0.0f;
+  }
+  const auto attacked = [&](const std::vector<float>& pixels) {
+    return pgd_picture(ImageView<const float>{pixels.data(), 3, 24, 32}, known.decoder, known.context,
+                       std::span<const std::uint8_t>(aim), settings, known.executor)
+        .planes;
+  };
+  CHECK(attacked(beyond) == attacked(inside));
+}
+
 TEST_CASE("attack/pgd: epsilon 0 changes nothing, and as much noise without a gradient does not do it") {
   Known known;
   const std::vector<std::uint8_t> aim = opposite_bits(known.image, known.decoder, known.context, known.executor);

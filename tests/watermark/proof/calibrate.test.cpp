@@ -266,6 +266,17 @@ TEST_CASE("proof/calibrate: JSON and words have the figures; bad input is refuse
   CalibrationSettings none;
   none.keys = 0;
   CHECK_FALSE(calibrate_null(views, none, draw).ok());
+  // Of 99 "per cent" every interval would hold every rate.
+  for (const double confidence : {99.0, 1.0, 0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    CalibrationSettings settings;
+    settings.confidence = confidence;
+    CHECK(calibrate_null(views, settings, draw).error().field == "confidence");
+  }
+  for (const double rate : {0.0, 1.0, 2.0, std::numeric_limits<double>::quiet_NaN()}) {
+    CalibrationSettings settings;
+    settings.rates = {1e-2, rate};
+    CHECK(calibrate_null(views, settings, draw).error().field == "rates");
+  }
   views[1].logits[3] = std::numeric_limits<double>::quiet_NaN();
   CHECK_FALSE(calibrate_null(views, {}, draw).ok());
   views[1].logits.resize(5);

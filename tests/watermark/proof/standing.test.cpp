@@ -149,6 +149,25 @@ TEST_CASE("watermark/proof/standing: keys that could have been tried are counted
   CHECK(standing_of(verified(48), quick).kind == StandingKind::not_a_proof);
 }
 
+TEST_CASE("watermark/proof/standing: a rate that is accepted makes no proof of what keys could be tried for") {
+  // A dated claim of a bound decoder and 48 of 48 bits, of which one key in 9 that could be tried has as many.
+  ProofBasis basis = stamped();
+  basis.decoder_shipped = false;
+  basis.decoder_bound = true;
+  basis.keys_to_try = 3e13;
+  for (const double rate : {1e-6, 1e-2, 0.9}) {
+    CAPTURE(rate);
+    Verification lax = verified(48);
+    lax.settings.false_positive_rate = rate;
+    const Standing standing = standing_of(lax, basis);
+    CHECK(standing.p_tried == doctest::Approx(3e13 * std::exp2(-48)));
+    CHECK(standing.kind == StandingKind::conditional);
+    ProofBasis unclaimed = shipped();
+    unclaimed.keys_to_try = 3e13;
+    CHECK(standing_of(lax, unclaimed).kind == StandingKind::not_a_proof);
+  }
+}
+
 TEST_CASE("watermark/proof/standing: a year of one processor core, by the kind of key, and every shipped decoder") {
   Digest256 secret{};
   secret[0] = std::byte{1};
@@ -156,9 +175,15 @@ TEST_CASE("watermark/proof/standing: a year of one processor core, by the kind o
   CHECK(shipped_decoders_reading(48) == 5);  // four universal ones and the lattice of 48
   CHECK(shipped_decoders_reading(24) == 4);
   CHECK(shipped_decoders_reading(96) == 0);
+  // One derivation of a quick key, or of one before version 5, gives the messages of 64 lengths by four decoders and of
+  // three by a lattice, each with fifteen codes or none, with recipients or without.
+  const double ways = (4 * 64 + 3) * 16 * 8;
   const double quick = keys_a_cheat_could_try(key);
-  CHECK(quick == doctest::Approx(5 * 2.4e6 * 31'557'600));
+  CHECK(quick == doctest::Approx(ways * 2.4e6 * 31'557'600));
   key.hardness = 17;
+  key.before_version_5 = true;
+  CHECK(keys_a_cheat_could_try(key) == doctest::Approx(ways * 1.6 * 31'557'600));
+  key.before_version_5 = false;
   const double hard = keys_a_cheat_could_try(key);
   CHECK(hard == doctest::Approx(5 * 1.6 * 31'557'600));
   CHECK(hard * std::exp2(-48) < 1e-6);       // all of 48 bits are evidence without a claim

@@ -212,6 +212,17 @@ TEST_CASE("proof/verify: bad input is refused") {
     settings.false_positive_rate = rate;
     CHECK_FALSE(verify_message(message, one, settings).ok());
   }
+  for (const double wrong : {-1e-9, 1.5, std::numeric_limits<double>::quiet_NaN()}) {
+    settings = {};
+    settings.suspicion = wrong;
+    CHECK(verify_message(message, one, settings).error().field == "suspicion");
+    settings = {};
+    settings.recipient_rate = wrong;
+    CHECK(verify_message(message, one, settings).error().field == "recipient rate");
+  }
+  settings = {};
+  settings.false_positive_rate = 0.05;  // above what is called inconclusive: a coarse test is one, too
+  CHECK(verify_message(message, one, settings).ok());
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
     std::vector<ViewLogits> broken = one;
     broken[0].logits[7] = bad;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The functions of app/export.hpp.
+// The functions of app/export.hpp. Longer than 300 lines: an export is these steps, one after the other.
 #pragma once
 
 #include <algorithm>

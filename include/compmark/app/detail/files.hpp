@@ -17,6 +17,7 @@
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/read_file.hpp"
 #include "compmark/io/sha256.hpp"
+#include "compmark/scene/image_folder.hpp"
 
 namespace compmark {
 namespace detail {
@@ -74,10 +75,7 @@ COMPMARK_APP_INLINE Result<std::vector<std::filesystem::path>> image_files(
     }
     std::vector<std::filesystem::path> found;
     for (std::filesystem::directory_iterator i(path, status), end; !status && i != end; i.increment(status)) {
-      std::string extension = i->path().extension().string();
-      for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-      const bool image = extension == ".png" || extension == ".jpg" || extension == ".jpeg";
-      if (image && i->path().filename().string().front() != '.') found.push_back(i->path());
+      if (detail::is_image_name(i->path().filename().string())) found.push_back(i->path());
     }
     if (status) {
       return Error{ErrorKind::unreadable, path.string(), "--images", "cannot be listed: " + status.message(),

@@ -151,7 +151,8 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   }
   if (reading.images.empty() && reading.pictures.empty())
     return Error{ErrorKind::invalid, {}, "--images", "is missing", "give the pictures to read"};
-  const Result<FileDecoder> decoder = open_decoder(reading.decoder, &key);
+  std::string decoder_sha256;
+  const Result<FileDecoder> decoder = open_decoder(reading.decoder, &key, &decoder_sha256);
   if (!decoder) return decoder.error();
   Result<AnyModel> model = AnyModel::open(reading.unmarked, executor);
   if (!model) return model.error();
@@ -169,9 +170,7 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   detail::keep_evenly(*files, reading.views);
 
   InformedReport result;
-  Result<ReportSources> sources = detail::sources_of(reading.decoder, &key);
-  if (!sources) return sources.error();
-  result.report.sources = std::move(*sources);
+  result.report.sources = detail::sources_of(reading.decoder, decoder_sha256, &key);
   result.report.sources.unmarked = reading.unmarked.filename().string();
   result.report.sources.unmarked_sha256 = *digest;
   const std::vector<std::int8_t> signs = spread_signs(key, spread->cells());

@@ -35,13 +35,12 @@ namespace compmark {
 namespace detail {
 
 /// What every report says of its decoder and its key (none: nullptr).
-inline Result<ReportSources> sources_of(const std::filesystem::path& decoder, const OwnerKey* key) {
-  const Result<std::string> digest = file_sha256(decoder);
-  if (!digest) return digest.error();
+inline ReportSources sources_of(const std::filesystem::path& decoder, const std::string& decoder_sha256,
+                                const OwnerKey* key) {
   ReportSources sources;
   sources.program = std::string("compmark ") + version;
   sources.decoder = decoder.filename().string();
-  sources.decoder_sha256 = *digest;
+  sources.decoder_sha256 = decoder_sha256;
   if (key != nullptr) {
     sources.key_id = key->id();
     sources.key_commitment = key->commitment();
@@ -184,7 +183,8 @@ COMPMARK_APP_INLINE Result<OwnerKey> for_recipient(OwnerKey key, const std::file
   return key;
 }
 
-COMPMARK_APP_INLINE Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key) {
+COMPMARK_APP_INLINE Result<FileDecoder> open_decoder(const std::filesystem::path& path, const OwnerKey* key,
+                                                     std::string* sha256) {
   const Result<SafetensorsFile> file = read_safetensors(path, FileKind::decoder);
   if (!file) return file.error();
   if (key == nullptr && detail::carrier_dimension(*file) != 0) {
@@ -192,10 +192,11 @@ COMPMARK_APP_INLINE Result<FileDecoder> open_decoder(const std::filesystem::path
                  "is missing, and this decoder reads along carriers that follow from the owner's key",
                  "give --key, or a decoder that is fitted to the scene"};
   }
-  if (key != nullptr && !key->decoder.empty()) {
-    const Result<std::string> digest = file_sha256(path);
-    if (!digest) return digest.error();
-    if (*digest != key->decoder) {
+  const bool bound = key != nullptr && !key->decoder.empty();
+  if (bound || sha256 != nullptr) {
+    const std::string digest = file->sha256();
+    if (sha256 != nullptr) *sha256 = digest;
+    if (bound && digest != key->decoder) {
       return Error{ErrorKind::invalid, path.string(), "", "is not the decoder that this key is bound to",
                    "give the decoder whose SHA-256 begins with " + key->decoder.substr(0, 16) + ", or another key"};
     }
@@ -227,10 +228,8 @@ COMPMARK_APP_INLINE Result<CoverInterference> open_interference(const std::files
   if (!interference) return interference;
   const Result<SafetensorsFile> reader = read_safetensors(decoder, FileKind::decoder);
   if (!reader) return reader.error();
-  const Result<std::string> digest = file_sha256(decoder);
-  if (!digest) return digest.error();
   const std::size_t dimension = detail::carrier_dimension(*reader);
-  if (interference->decoder_sha256 != *digest || (dimension != 0 && interference->outputs() != dimension)) {
+  if (interference->decoder_sha256 != reader->sha256() || (dimension != 0 && interference->outputs() != dimension)) {
     return Error{ErrorKind::invalid, path.string(), "--interference",
                  "was measured for another decoder than " + decoder.filename().string(),
                  "give the decoder that it was measured for, or measure it again with `compmark interference`"};
@@ -253,10 +252,9 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
   if (settings.model.empty() && settings.images.empty() && settings.pictures.empty()) {
     return Error{ErrorKind::invalid, {}, "--model, --images", "are both missing", "give a model or images"};
   }
-  Result<FileDecoder> decoder = open_decoder(settings.decoder, key ? &*key : nullptr);
+  std::string decoder_sha256;
+  Result<FileDecoder> decoder = open_decoder(settings.decoder, key ? &*key : nullptr, &decoder_sha256);
   if (!decoder) return decoder.error();
-  Result<ReportSources> sources = detail::sources_of(settings.decoder, key ? &*key : nullptr);
-  if (!sources) return sources.error();
   if (!settings.interference.empty() && !settings.unmarked.empty()) {
     return Error{ErrorKind::invalid,
                  {},
@@ -266,7 +264,7 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
   }
   std::optional<CoverInterference> interference;
   Reading reading;
-  reading.sources = std::move(*sources);
+  reading.sources = detail::sources_of(settings.decoder, decoder_sha256, key ? &*key : nullptr);
   if (!settings.interference.empty()) {
     Result<CoverInterference> opened =
         open_interference(settings.interference, settings.decoder, key ? &*key : nullptr);

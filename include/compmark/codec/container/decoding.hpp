@@ -132,7 +132,6 @@ class FileReader {
       entries_.push_back(std::move(found));
     }
     places_ = chunk_places(levels, grain);
-    std::uint64_t largest = 0;
     const auto d = static_cast<std::size_t>(model.feature_dim), k3 = 3 * static_cast<std::size_t>(model.offset_count);
     for (std::size_t c = 0; c < chunks; ++c) {
       for (const std::vector<SectionEntry>& entries : entries_) {
@@ -145,14 +144,15 @@ class FileReader {
         return malformed(stream.name(), "names " + std::to_string(items) + " symbols, which " + std::to_string(rows) +
                                             " anchors do not have or its bytes do not hold");
       }
-      largest = std::max(largest, items);
     }
     const Result<Done> some = count_arrived(levels);
     if (!some) return some.error();
     // A symbol that is decoded has a model and a value, 12 bytes, in each chunk that a worker decodes.
-    const std::uint64_t scratch = 12 * largest * std::min<std::uint64_t>(workers, chunks);
-    const std::uint64_t memory =
-        arrived_anchors() * 4 * (3 + 1 + d + 6 + k3 + hyperprior) + scratch;  // below 2^28 * 2^15 and 2^36 * workers
+    std::uint64_t largest = 0;
+    for (std::size_t c = 0; c < arrived_; ++c)
+      largest = std::max(largest, entry(format_.coarse != 0 ? format_.coarse : CodecFormat::stream, c).items);
+    const std::uint64_t memory = arrived_anchors() * 4 * (3 + 1 + d + 6 + k3 + hyperprior) +
+                                 12 * largest * std::min<std::uint64_t>(workers, arrived_);  // below 2^43 + 2^60
     if (memory > settings_.memory_limit) {
       return file_.error(ErrorKind::exhausted, "META",
                          std::to_string(arrived_anchors()) + " anchors take " + std::to_string(memory) +
