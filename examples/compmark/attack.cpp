@@ -167,9 +167,13 @@ int attack(const AttackOptions& options) {
     return wrong("--model, --images", options.model.empty() ? "are both missing" : "are both given",
                  "give a model with --out, or images with --into");
   const bool pictures = options.model.empty();
-  if (pictures ? options.into.empty() || !options.out.empty() : options.out.empty() || !options.into.empty())
-    return wrong("--out, --into", "do not fit what is attacked",
-                 "a model is written to --out, images into the folder --into");
+  if (pictures ? !options.out.empty() : !options.into.empty())
+    return wrong(pictures ? "--out" : "--into",
+                 pictures ? "is for a model, and images are attacked" : "is for images, and a model is attacked",
+                 pictures ? "name a folder for the images, with --into" : "name the model to write, with --out");
+  if (pictures ? options.into.empty() : options.out.empty())
+    return wrong(pictures ? "--into" : "--out", "is missing",
+                 pictures ? "name a folder for the attacked images" : "name the model to write, as edited.safetensors");
   const bool others = !options.average.empty() || !options.insert_into.empty();
   if (pictures && others) return wrong("--average, --insert-into", "are of a model", "leave them out, or give --model");
   if (options.int8.empty() == (options.attacks.empty() && !others) || (pictures && options.attacks.empty()))
@@ -197,7 +201,7 @@ Command add_attack(Options& app) {
             "copies of the model with other marks, or without: every number becomes the mean of theirs");
   app.reads("--insert-into", options->insert_into, InputKind::model,
             "a scene of the same networks, which gets the anchors; after cutout, a part of it");
-  app.number("--seed", options->seed, any_seed, "of attacks that draw random numbers")->capture_default_str();
+  app.number("--seed", options->seed, any_seed, "seed of attacks that draw random numbers")->capture_default_str();
   app.word("--int8", options->int8,
            "round every number to 8 bits; there is one scale for each tensor, or for each "
            "channel (a column of anchors, a row of weights)")

@@ -69,7 +69,8 @@ int run(const CalibrateOptions& options) {
 Command add_calibrate(Options& app) {
   auto options = std::make_shared<CalibrateOptions>();
   add_reading_options(app, options->reading);
-  app.reads("--key", options->key, InputKind::key, "an owner's key file: needed by carrier decoders only");
+  app.reads("--key", options->key, InputKind::key,
+            "the owner's key; needed unless --decoder is a fitted or lattice decoder");
   app.number("--keys", options->keys, WholeRange{1, 10'000'000}, "random keys to try")->capture_default_str();
   app.number("--seed", options->seed, any_seed, "seed of the random keys")->capture_default_str();
   app.writes("--json", options->json, OutputKind::words, "write figures and logits to this file");

@@ -23,6 +23,7 @@
 
 #include "commands.hpp"
 #include "common.hpp"
+#include "decoder_choice.hpp"
 #include "mark_plot.hpp"
 #include "report.hpp"
 #include "verification.hpp"
@@ -68,11 +69,32 @@ class RecordFolder {
   std::string sums_;
 };
 
+/// Whether a decoder is the one that a reader has with the program.
+bool is_shipped(const fs::path& decoder) {
+  const Result<fs::path> shipped = shipped_decoder();
+  if (!shipped) return false;
+  const Result<std::string> own = file_sha256(decoder), there = file_sha256(*shipped);
+  return own && there && *own == *there;
+}
+
+/// Names of the files that command_line reads and the folder does not have: whoever repeats it puts them there.
+std::vector<std::string> files_beside(const Certify& options) {
+  const ReadingOptions& reading = options.reading;
+  std::vector<std::string> names;
+  for (const fs::path* path :
+       {&options.key, &reading.decoder, &reading.model, &reading.unmarked, &reading.interference}) {
+    if (path->empty() || (path == &reading.decoder && is_shipped(*path))) continue;
+    names.push_back(path->filename().string());
+  }
+  return names;
+}
+
 /// The line that repeats the verification in the folder. What the folder does not have is named by its file alone.
 std::string command_line(const Certify& options) {
   const auto file = [](const fs::path& path) { return path.filename().string(); };
   const ReadingOptions& reading = options.reading;
-  std::string line = "compmark verify --key " + file(options.key) + " --decoder " + file(reading.decoder);
+  std::string line = "compmark verify --key " + file(options.key);
+  if (!is_shipped(reading.decoder)) line += " --decoder " + file(reading.decoder);
   line +=
       reading.model.empty() ? " --images images" : " --model " + file(reading.model) + " --split " + reading.split_word;
   if (!reading.model.empty() && reading.views != 0) line += " --views " + std::to_string(reading.views);
@@ -162,6 +184,8 @@ ReportInput page_of(const Certify& options, const Verified& verified, std::vecto
   if (verified.basis.claimed) sources.rows.emplace_back("SHA-256 of the claim", verified.basis.claim_sha256);
   if (!verified.basis.dated.empty()) sources.rows.emplace_back("its time stamp", verified.basis.dated);
   page.tables.push_back(std::move(sources));
+  std::string beside;
+  for (const std::string& name : files_beside(options)) beside += (beside.empty() ? "" : ", ") + name;
   page.tables.push_back(
       {"What was tested",
        {{"null hypothesis", "the key was drawn at random, independently of the images and of the decoder: " +
@@ -173,7 +197,8 @@ ReportInput page_of(const Certify& options, const Verified& verified, std::vecto
                            : v.threshold ? std::to_string(*v.threshold)
                                          : "no number is enough"},
         {"p-value", number(v.evidence.p_value)},
-        {"to repeat it", command_line(options)},
+        {"to repeat it, put into the folder", beside},
+        {"and run there", command_line(options)},
         {"to check the files", "sha256sum -c SHA256SUMS"}}});
   page.tables.push_back({"Limits", limits(verified)});
   return page;
@@ -225,6 +250,7 @@ int run(const Certify& options) {
   }
   nlohmann::ordered_json json = verified_json(*verified);
   json["repeat"] = command_line(options);
+  json["repeat_needs"] = files_beside(options);
   json["limits"] = nlohmann::ordered_json::object();
   for (const auto& [name, text] : limits(*verified)) json["limits"][name] = text;
   const Verification& v = verified->report.verification;
@@ -249,7 +275,8 @@ Command add_certify(Options& app) {
   add_verify_options(app, options);
   app.writes_into("--out", options->out, "new folder for the record")->required();
   app.footer(
-      "Exit codes are those of verify. The folder has record.html, record.json, the images as they were read, claim "
+      "Exit codes, as of verify: 0 detected; 1 not detected; 2 error; 3 inconclusive, or no proof. The folder has "
+      "record.html, record.json, the images as they were read, claim "
       "and\n"
       "time stamp, a soft-binding assertion of C2PA where the mark was detected (soft_binding.cbor), and SHA256SUMS. "
       "It\n"

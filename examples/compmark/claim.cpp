@@ -3,6 +3,7 @@
 //
 // compmark claim: the line that an owner publishes before anybody else has the scene, so that what verify says later is a proof.
 #include <compmark/app/proof.hpp>
+#include <compmark/io/splat/read_splat.hpp>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -38,17 +39,26 @@ int claim(ClaimOptions& options) {
     }
   }
   if (const Result<Done> written = write_claim(options.out, *made); !written) return fail(written.error());
-  const std::string file = options.out.string();
+  const std::string file = options.out.string(), key_file = options.key.string();
+  // Who names the unmarked model has one, and marks that.
+  std::string marks = "train --data SCENE --out RUN", subtracts;
+  if (!options.unmarked.empty()) {
+    marks = "embed --model " + options.unmarked.string() + (is_splat_file(options.unmarked) ? "" : " --data SCENE") +
+            " --out RUN";
+    subtracts = " --unmarked " + options.unmarked.string();
+  }
+  if (subtracts.empty() && !options.interference.empty())
+    subtracts = " --interference " + options.interference.string();
   std::printf("%s%s: sha256 %s\n", made->text().c_str(), file.c_str(), to_hex(made->digest()).c_str());
   std::printf(
       "Publish this SHA-256, or the file, where others date it, before anybody else has anything of the scene. A "
       "time-stamping authority "
       "answers\n  openssl ts -query -data %s -sha256 -cert -out request.tsq\n"
       "and its answer, if there is one, is --time-stamp ANSWER when you verify.\n"
-      "next: compmark train --data SCENE --out RUN --key %s%s\n"
-      "then: compmark verify --images PICTURES --key %s%s --claim %s\n",
-      file.c_str(), options.key.string().c_str(), decoder.c_str(), options.key.string().c_str(), decoder.c_str(),
-      file.c_str());
+      "next: compmark %s --key %s%s\n"
+      "then: compmark verify --images PICTURES --key %s%s%s --claim %s\n",
+      file.c_str(), marks.c_str(), key_file.c_str(), decoder.c_str(), key_file.c_str(), decoder.c_str(),
+      subtracts.c_str(), file.c_str());
   return success;
 }
 

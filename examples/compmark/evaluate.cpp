@@ -78,7 +78,9 @@ Command add_evaluate(Options& app) {
   app.words("--attack", input.attacks,
             "edit every render so before it is read once more, in 8 bits: " + PictureAttacks::names() +
                 ", each with its strength, as jpeg:50; may be given several times");
-  app.word("--split", options->split, "test or train")->capture_default_str()->check(CLI::IsMember({"test", "train"}));
+  app.word("--split", options->split, "views that are measured: test or train")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"test", "train"}));
   app.writes("--json", options->files.json, OutputKind::words, "write the figures to this file");
   app.writes("--csv", options->files.csv, OutputKind::words,
              "write a CSV line for each view of each model, and one for each model, to this file");

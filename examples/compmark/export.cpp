@@ -124,6 +124,13 @@ nlohmann::ordered_json export_json(const ExportOptions& options, const std::stri
   return json;
 }
 
+/// Whether --format or the ending of --out asks for SPZ. A name of no format is export_model's to refuse.
+bool writes_spz(const ExportOptions& options) {
+  if (options.kind != "splat") return options.kind == word_of(SplatFormat::spz);
+  const Result<SplatFormat> named = splat_format_of_name(options.out);
+  return (named && *named == SplatFormat::spz) || (!named && options.out.extension() != ".html");
+}
+
 int run(const ExportOptions& options) {
   Result<AnyModel> model = load_model(options.model, options.threads);
   if (!model) return fail(model.error());
@@ -175,7 +182,13 @@ Command add_export(Options& app) {
       ->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
   app.writes("--json", options->json, OutputKind::words, "write counts, figures and warnings to this file");
-  return [options]() -> int {
+  return [options, &app]() -> int {
+    for (const char* name : {"--spz-bits", "--spz-version"}) {
+      if (app.count(name) != 0 && !writes_spz(*options)) {
+        return fail(Error{ErrorKind::invalid, options->out.string(), name, "is of SPZ files, and this is to be another",
+                          "leave it out, or end --out in .spz"});
+      }
+    }
     if (options->kind == "anchors") options->settings.kind = ExportKind::anchors;
     const bool page = options->kind == "splat" && options->out.extension() == ".html";
     if (page || options->kind == "page") options->settings.kind = ExportKind::page;

@@ -104,7 +104,8 @@ int run(const ExtractOptions& options) {
 Command add_extract(Options& app) {
   auto options = std::make_shared<ExtractOptions>();
   add_reading_options(app, options->reading);
-  app.reads("--key", options->key, InputKind::key, "the owner's key file: for carrier decoders, and to read a payload");
+  app.reads("--key", options->key, InputKind::key,
+            "the owner's key; needed unless --decoder is a fitted or lattice decoder, and to read a payload");
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.flag("--any-decoder", options->any_decoder,
            "use this decoder even if the record of this key (KEY.record) names another one");

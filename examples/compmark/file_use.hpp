@@ -27,6 +27,7 @@ enum class InputKind {
   time_stamp,     ///< of a claim
   images,         ///< files, or folders of them
   dataset,        ///< a capture: its folder, or its transforms file
+  splats,         ///< of any program
   weights,        ///< of LPIPS
   other,          ///< what no option names
 };

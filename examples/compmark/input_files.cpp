@@ -3,10 +3,15 @@
 #include "input_files.hpp"
 
 #include <algorithm>
+#include <compmark/io/file_identity.hpp>
 #include <compmark/io/file_kind.hpp>
+#include <filesystem>
 #include <initializer_list>
 #include <string>
+#include <system_error>
 #include <vector>
+
+#include "decoder_choice.hpp"
 
 namespace tool {
 namespace {
@@ -45,12 +50,23 @@ Taken taken_by(InputKind kind) {
     case InputKind::dataset:
       return {"the folder of a capture, or splats",
               {K::folder, K::capture, K::json, K::ply, K::splat, K::spz, K::gzip, K::sog, K::glb}};
+    case InputKind::splats:
+      return {"a splat file", {K::ply, K::splat, K::spz, K::gzip, K::sog, K::glb}};
     case InputKind::weights:
       return {"LPIPS weights", {K::lpips, K::safetensors}};
     case InputKind::other:
       break;
   }
   return {"", {}};
+}
+
+/// The ending of a name that says another kind of file than a model; empty: it says none.
+std::string ending_of_another_kind(const std::filesystem::path& path) {
+  const std::string ending = detail::lower(path.extension().string());
+  for (const char* other : {".ply", ".splat", ".ksplat", ".spz", ".sog", ".glb", ".html", ".cmk"}) {
+    if (ending == other) return ending;
+  }
+  return {};
 }
 
 }  // namespace
@@ -65,6 +81,19 @@ Result<Done> check_input_kinds(const FileUse& use) {
     Error error = wrong_kind(kind, read.path.string(), taken.name);
     error.field = read.said;
     return error;
+  }
+  // Of captures and images the readers say more.
+  for (const UsedFile& read : use.reads) {
+    if (read.kind == InputKind::other || read.kind == InputKind::images || read.kind == InputKind::dataset) continue;
+    std::error_code status;
+    if (std::filesystem::status(read.path, status).type() == std::filesystem::file_type::not_found) {
+      const bool fit = read.kind == InputKind::decoder && read.path == fitted_decoder_word;  // a word of other commands
+      return Error{ErrorKind::not_found, read.path.string(), read.said, "no such file",
+                   fit ? "name the file, RUN/decoder.safetensors: this command reads a decoder that is there"
+                       : "check the path"};
+    }
+    if (identify_file(read.path) == FileKind::empty)
+      return Error{ErrorKind::truncated, read.path.string(), read.said, "is empty", "copy it again"};
   }
   return Done{};
 }
@@ -87,6 +116,12 @@ Result<Done> check_output_kinds(const FileUse& use) {
     if (output.written == OutputKind::compressed) right = replaces({K::cmk});
     if (output.written == OutputKind::decoder) right = replaces({K::decoder});
     if (output.written == OutputKind::interference) right = replaces({K::interference});
+    if (right && output.written == OutputKind::model) {
+      const std::string ending = ending_of_another_kind(output.path);
+      if (ending.empty()) continue;
+      return Error{ErrorKind::invalid, output.path.string(), output.said,
+                   "ends in " + ending + ", but this command writes a model", "end it in .safetensors, and export it"};
+    }
     if (right) continue;
     return Error{
         ErrorKind::unwritable, output.path.string(), output.said,

@@ -21,7 +21,7 @@
 
 int main(int argc, char** argv) {
   tool::prepare_process();
-  CLI::App app{"compmark: train, protect and ship 3D Gaussian splats on the CPU"};
+  CLI::App app{"compmark: train, protect and ship 3D Gaussian splats on the CPU", "compmark"};
   app.require_subcommand(1);
   app.set_help_all_flag("--help-all", "help of all subcommands");
   app.set_version_flag("--version", std::string("compmark ") + compmark::version);
@@ -52,7 +52,8 @@ int main(int argc, char** argv) {
   add("render", "render views of a model to PNG", tool::add_render);
   add("register", "find the cameras from which pictures show the scene of a model", tool::add_register);
   add("evaluate", "measure models against a dataset's test views", tool::add_evaluate);
-  add("export", "write a model as anchor PLY or as a standard 3DGS PLY", tool::add_export);
+  add("export", "write a model as splats of any viewer (PLY, SPZ, SOG, .splat, .glb), or as a page that shows them",
+      tool::add_export);
   add("info", "print the contents and the digest of a model file", tool::add_info);
   add("keygen", "make an owner's key", tool::add_keygen);
   add("claim", "write the line that an owner publishes before anybody else has the scene", tool::add_claim);

@@ -158,6 +158,8 @@ const char* input_kind_name(InputKind kind) {
       return "images";
     case InputKind::dataset:
       return "dataset";
+    case InputKind::splats:
+      return "splat file";
     case InputKind::weights:
       return "LPIPS weights";
     case InputKind::other:

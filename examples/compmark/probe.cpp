@@ -5,11 +5,13 @@
 // choose.
 #include <algorithm>
 #include <compmark/app/run/effect_choice.hpp>
+#include <compmark/io/splat/read_splat.hpp>
 #include <compmark/scene/open.hpp>
 #include <compmark/scene/probe.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
 #include <vector>
 
 #include "commands.hpp"
@@ -29,6 +31,11 @@ Command add_probe(Options& app) {
   app.flag("--json", options->json, "print one JSON object instead of text");
   return [options]() -> int {
     using namespace compmark;
+    if (is_splat_file(options->data)) {
+      return fail({ErrorKind::unsupported, options->data.string(), "--data",
+                   "is a splat file, which has no photographs whose effects could be measured",
+                   "train --data and adopt --splat take it as it is"});
+    }
     Result<Dataset> dataset = open_dataset(options->data, {});
     if (!dataset) return fail(dataset.error());
     Result<std::vector<ProbedEffect>> effects = probe_scene(*dataset);
@@ -45,6 +52,7 @@ Command add_probe(Options& app) {
                                   {"views_train", dataset->indices(Split::train).size()},
                                   {"views_test", dataset->indices(Split::test).size()},
                                   {"points", dataset->points.size()},
+                                  {"points_are_random", dataset->points_are_random},
                                   {"warnings", dataset->warnings},
                                   {"recipe", choice.recipe},
                                   {"left_out", choice.left_out},
@@ -63,9 +71,10 @@ Command add_probe(Options& app) {
     }
     for (const std::string& warning : dataset->warnings)
       std::fprintf(stderr, "compmark: warning: %s\n", warning.c_str());
-    std::printf("%s: %s, %zu training and %zu test views, %zu points\n", options->data.string().c_str(),
-                dataset->kind.c_str(), dataset->indices(Split::train).size(), dataset->indices(Split::test).size(),
-                dataset->points.size());
+    std::printf("%s: %s, %zu training and %zu test views, %s\n", options->data.string().c_str(), dataset->kind.c_str(),
+                dataset->indices(Split::train).size(), dataset->indices(Split::test).size(),
+                dataset->points_are_random ? "no points: training begins with random ones"
+                                           : (std::to_string(dataset->points.size()) + " points").c_str());
     if (effects->empty()) std::printf("  no effect of this capture needs to be modelled\n");
     for (const ProbedEffect& effect : *effects) {
       std::printf("  %-20s %10.4g  (limit %g)  %s\n", effect_name(effect.effect), effect.value, effect.limit,

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <string>
 
 #include "commands.hpp"
 #include "common.hpp"
@@ -33,8 +34,12 @@ int spread(const SpreadOptions& options) {
   if (!marked) return fail(marked.error());
   std::printf("%s: %.2f dB between renders of the two, %zu cells of %.3g units\n", options.out.string().c_str(),
               marked->psnr, marked->cells, marked->cell_side);
-  std::printf("Keep %s secret and whole: verify --images PICTURES --key KEY --unmarked reads the mark by it\n",
-              options.model.string().c_str());
+  const std::string model = options.model.string(), key_file = options.key.string();
+  std::printf(
+      "Keep %s secret and whole: the mark is read by it, and is a proof where a claim names it\n"
+      "next: compmark claim --key %s --unmarked %s --out %s.claim\n"
+      "then: compmark verify --images PICTURES --key %s --unmarked %s --claim %s.claim\n",
+      model.c_str(), key_file.c_str(), model.c_str(), model.c_str(), key_file.c_str(), model.c_str(), model.c_str());
   return success;
 }
 
@@ -46,7 +51,9 @@ Command add_spread(Options& app) {
             "the model, or a splat file, which becomes the unmarked one")
       ->required();
   app.reads("--key", options->key, InputKind::key, "the owner's key file (compmark keygen)")->required();
-  app.writes("--out", options->out, OutputKind::model, "the marked model to write (safetensors)")->required();
+  app.writes("--out", options->out, OutputKind::model,
+             "the marked model to write, which ends in .safetensors; compmark export makes splats of it")
+      ->required();
   app.number("--psnr", options->psnr, RealRange{30, 80},
              "decibels between renders of the marked and the unmarked model; one picture proves a mark of 50")
       ->capture_default_str();

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "training_options.hpp"
 
+#include <compmark/app/recipe_names.hpp>
+
 #include "decoder_choice.hpp"
 
 #include <optional>
@@ -43,8 +45,10 @@ void bind_training(Options& app, TrainOptions& options) {
       ->check(CLI::IsMember({"none", "hac", "context_gs", "hac_plus"}));
   app.flag("--for-fit-codec", options.settings.for_fit_codec,
            "leave out effects that compmark fit-codec does not support");
-  app.number("--lambda", options.settings.rate_lambda, share_range,
-             "with a codec: loss of one bit more a scalar, from 0.0005 (quality) to 0.004 (size)")
+  app.number(
+         "--lambda", options.settings.rate_lambda, share_range,
+         "with --codec: weight of the file's size in the loss: larger gives a smaller file and a worse picture, from "
+         "0.0005 (quality) to 0.004 (size)")
       ->capture_default_str();
   app.word("--profile", options.settings.profile,
            "hyper-parameters: scaffold, hac, official (the program of the published method) or "
@@ -127,11 +131,27 @@ void bind_options(Options& app, TrainOptions& options) {
 }
 
 void bind_adopt_options(Options& app, TrainOptions& options) {
-  app.reads("--splat", options.settings.data, InputKind::dataset,
-            "splat file of any program (PLY, compressed PLY, SPZ, .splat or .ksplat); its renders from 128 cameras "
-            "round it are the photographs")
+  app.reads("--splat", options.settings.data, InputKind::splats,
+            "splat file of any program (PLY, compressed PLY, SPZ, SOG, .splat, .ksplat or .glb), not the folder of a "
+            "capture; its renders from 128 cameras round it are the photographs")
       ->required();
   bind_training(app, options);
+}
+
+Result<Done> check_given(const Options& app, const TrainOptions& options) {
+  const TrainSceneSettings& settings = options.settings;
+  // Presets set both of them.
+  if (app.count("--lambda") != 0 && settings.codec == "none" && !is_coded_recipe(settings.recipe)) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--lambda",
+                 "weighs the size of a compressed file, and none is asked for",
+                 "give --codec, or leave it out"};
+  }
+  if (app.count("--mark-iterations") != 0 && settings.mark.key.empty()) {
+    return Error{ErrorKind::invalid, {}, "--mark-iterations", "needs a message to hide", "give --key"};
+  }
+  return Done{};
 }
 
 Result<Done> complete(const Options& app, TrainOptions& options) {
@@ -164,10 +184,10 @@ void bind_options(Options& app, EmbedOptions& options) {
                   "folder for the marked model, results.json and report.html; for a codec also "
                   "model.cmk and unmarked.cmk, for a splat file marked.ply")
       ->required();
-  app.number(
-      "--iterations", options.settings.iterations, run_length,
-      "iterations of the run (default: 2000; for a codec 4000 with a decoder that is fitted to the scene, and 8000 "
-      "with one of random weights)");
+  app.number("--iterations", options.settings.iterations, run_length,
+             "iterations of the run (default: 2000 with the decoder of the program, and in a model without a codec; in "
+             "one for "
+             "a codec 4000 with a decoder that is fitted to the scene, and 8000 with any other file)");
   add_finished_model_options(app, options.settings, options.run);
   add_splat_up(app, options.settings.splat_up);
   add_mark_options(app, options.settings.mark, true);
@@ -181,8 +201,9 @@ void bind_options(Options& app, EmbedOptions& options) {
       ->capture_default_str()
       ->check(CLI::IsMember({"round", "noise", "none"}));
   app.word("--codec", options.settings.codec,
-           "of the files of a model for a codec. trained: the codec that it was trained for; hac_plus: of one for hac "
-           "in fewer bytes")
+           "codec of the file that is written of a model for a codec. trained: the one that it was trained for; "
+           "hac_plus: "
+           "fewer bytes, of a model for hac")
       ->capture_default_str()
       ->check(CLI::IsMember({"trained", "hac_plus"}));
   app.also([&options](FileUse& use) {
@@ -232,7 +253,8 @@ void bind_options(Options& app, FitCodecOptions& options) {
            "hac, context_gs, or hac_plus, which is fitted as hac and writes a smaller file")
       ->capture_default_str()
       ->check(CLI::IsMember({"hac", "context_gs", "hac_plus"}));
-  app.number("--lambda", options.settings.rate_lambda, share_range, "loss of one bit more a scalar")
+  app.number("--lambda", options.settings.rate_lambda, share_range,
+             "weight of the file's size in the loss: larger gives a smaller file and a worse picture")
       ->capture_default_str();
   app.flag("--touch-up", options.settings.touch_up,
            "also train the model's attributes and networks, at small learning rates; the file is"

@@ -44,6 +44,14 @@ void bind_adopt_options(Options& app, TrainOptions& options);
 void bind_options(Options& app, EmbedOptions& options);
 void bind_options(Options& app, FitCodecOptions& options);
 
+/// Error: an option was given by hand for which the others leave no use. Programs that set the others themselves do
+/// without it.
+[[nodiscard]] compmark::Result<compmark::Done> check_given(const Options& app, const TrainOptions& options);
+template <class Bound>
+[[nodiscard]] compmark::Result<compmark::Done> check_given(const Options& /*app*/, const Bound& /*options*/) {
+  return compmark::Done{};
+}
+
 /// After the words were parsed: the settings that follow from several of them, or from a name. Error: no such name.
 [[nodiscard]] compmark::Result<compmark::Done> complete(const Options& app, TrainOptions& options);
 [[nodiscard]] compmark::Result<compmark::Done> complete(const Options& app, EmbedOptions& options);
@@ -52,6 +60,7 @@ void bind_options(Options& app, FitCodecOptions& options);
 /// Runs the function of a command, one of compmark/app/run, on --threads, and shows it. Returns the exit code.
 template <class Bound, class Function>
 int show_command(const Options& app, Bound& options, Function function) {
+  if (const compmark::Result<compmark::Done> right = check_given(app, options); !right) return fail(right.error());
   if (const compmark::Result<compmark::Done> completed = complete(app, options); !completed)
     return fail(completed.error());
   compmark::ThreadExecutor executor(options.run.threads);

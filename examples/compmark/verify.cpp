@@ -37,7 +37,8 @@ Command add_verify(Options& app) {
   add_verify_options(app, options);
   app.writes("--json", options->json, OutputKind::words, "write the report to this file");
   app.footer(
-      "Exit codes: 0 detected; 1 not detected; 2 error; 3 inconclusive: tests times p is above --alpha but not above\n"
+      "Exit codes: 0 detected; 1 not detected; 2 error; 3 inconclusive, or no proof. Inconclusive: tests times p is "
+      "above --alpha but not above\n"
       "0.01, or no number of matches could reach --alpha with so few bits; or no proof, since decoder or key could "
       "have\n"
       "been made to fit and no claim names them. The p-value is the probability that a key drawn at random, without\n"

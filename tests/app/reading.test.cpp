@@ -227,6 +227,11 @@ TEST_CASE("app/reading: a decoder is of the key's length, and every wrong file i
   CHECK(open_decoder(files.decoder, &wide).error().problem.find("reads 8 bits, the key is for messages of 16") !=
         std::string::npos);
   CHECK(open_decoder(files.model, nullptr).error().line().find("model") != std::string::npos);
+  // The decoder that comes with the program reads along the key's carriers, and says so.
+  const Result<FileDecoder> keyless = open_decoder("weights/universal3_64.safetensors", nullptr);
+  REQUIRE_FALSE(keyless.ok());
+  CHECK(keyless.error().field == "--key");
+  CHECK(keyless.error().problem.find("is missing, and this decoder reads along carriers") == 0);
   CHECK_FALSE(open_key(files.decoder).ok());
   ReadingSettings settings = files.settings();
   settings.model = files.decoder;

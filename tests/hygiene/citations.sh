@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # What a comment or a page cites is in the repository. "docs/spec/PAGE.md, 4.4" names a section, "docs/spec/numerics.md, BB1" and "case BB1" a case: each
-# has its heading there; every page of docs/ that is named exists; every link of a page leads to a file, and to a heading of it; and nothing cites a
+# has its heading there; every page of docs/ that is named exists; every path of a page in backticks that begins with a folder of the repository exists;
+# every link of a page leads to a file, and to a heading of it; and nothing cites a
 # document that only its writers had. Last, a small tree with one fault of each kind has to be refused (negative control).
 #   citations.sh <project root>
 set -eu
@@ -86,6 +87,22 @@ faults() {
       if (lower ~ /(method|compression|watermark|numerics|ecosystem|performance|fact) sheet|(^|[^a-z])sheet,? ([0-9]|section|item)|the sheet|numerics case|(^|[^a-z])trap [a-z]?[0-9]/ || all ~ /(^|[^A-Za-z_])(DESIGN|design card)([^A-Za-z_]|$)/)
         print where ": cites a document that is not in the repository"
     }' "$work/text"
+  # Paths of the repository in backticks: `tests/io/{image_file,ply}.test.cpp`, `tests/scene/*.test.cpp`. The changelog tells of files that are gone.
+  find README.md CONTRIBUTING.md SECURITY.md docs weights tests examples -name '*.md' 2>/dev/null | sort | while read -r page; do
+    { grep -onE '`(tests|include|docs|examples|weights)/[A-Za-z0-9_./*{},-]+`' "$page" || true; } | tr -d '`' | sed "s#^#$page:#"
+  done | awk '
+    function alternatives(before, path,   begin, end, n, each, i) {
+      if (!match(path, /\{[^{}]*\}/)) { print before path; return }
+      begin = substr(path, 1, RSTART - 1); end = substr(path, RSTART + RLENGTH)
+      n = split(substr(path, RSTART + 1, RLENGTH - 2), each, ",")
+      for (i = 1; i <= n; i++) alternatives(before, begin each[i] end)
+    }
+    { match($0, /^[^:]*:[0-9]+:/); alternatives(substr($0, 1, RLENGTH) " ", substr($0, RLENGTH + 1)) }' |
+    while read -r where path; do
+      # shellcheck disable=SC2086 # a pattern is to be expanded
+      set -- $path
+      [ -e "$1" ] || echo "$where there is no $path"
+    done
   # Links of the pages.
   grep -oHnE '\]\([^) ]+\)' README.md CHANGELOG.md $(find docs weights -name '*.md' 2>/dev/null) 2>/dev/null | sed -E 's/^([^:]+):([0-9]+):\]\((.*)\)$/\1 \2 \3/' | while read -r page line target; do
     case $target in http://* | https://* | mailto:*) continue ;; esac
@@ -112,7 +129,7 @@ control() {
   rm -rf "$work/tree" && mkdir -p "$work/tree/include" "$work/tree/docs/spec" && cd "$work/tree"
   printf '# Method\n\n## 4 Growing\n\n### 4.4 Levels\n' >docs/spec/method.md
   printf '# Cases\n\n### BB1. Blending\n' >docs/spec/numerics.md
-  printf '# Read me\n\nSee [the method](docs/spec/method.md#44-levels).\n' >README.md
+  printf '# Read me\n\nSee [the method](docs/spec/method.md#44-levels), `docs/spec/*.md` and `include/{a}.hpp`.\n' >README.md
   printf '// As in docs/spec/method.md, 4 and\n// 4.4, and docs/spec/numerics.md, BB1 (case BB1).\nint x;\n' >include/a.hpp
 }
 control && faults >"$work/faults"
@@ -131,6 +148,9 @@ plant include/a.hpp '// as the method\n// sheet has it' 'not in the repository'
 plant include/a.hpp '// a known trap A7' 'not in the repository'
 plant include/a.hpp '// see DESIGN' 'not in the repository'
 plant README.md '[nowhere](docs/none.md)' 'leads nowhere'
+plant README.md 'as `tests/none.test.cpp` shows' 'there is no tests/none.test.cpp'
+plant README.md 'see `include/{a,b}.hpp`' 'there is no include/b.hpp'
+plant README.md 'see `docs/none/*.md`' 'there is no docs/none/\*.md'
 plant README.md '[no heading](docs/spec/method.md#45-none)' 'no heading #45-none'
 echo "negative control: $planted planted faults were seen"
 [ "$bad" -eq 0 ]

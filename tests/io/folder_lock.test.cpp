@@ -38,7 +38,13 @@ TEST_CASE("io/folder_lock: one holder at a time, and no trace afterwards") {
   }
   CHECK(fs::is_empty(folder.path()));
   CHECK(FolderLock::acquire(folder.path()).ok());
-  CHECK(!FolderLock::acquire(folder.path() / "none").ok());
+  const auto absent = FolderLock::acquire(folder.path() / "none"),
+             within = FolderLock::beside(folder.path() / "none/a");
+  for (const auto* refused : {&absent, &within}) {  // it is the folder that has to be made
+    REQUIRE(!refused->ok());
+    CHECK(refused->error().file == (folder.path() / "none").string());
+    CHECK(refused->error().remedy.find("create this folder") != std::string::npos);
+  }
 }
 
 TEST_CASE("io/folder_lock: the place of one file, through links; streams are not locked") {

@@ -284,7 +284,12 @@ TEST_CASE("tool: attack refuses what it cannot do in a sentence") {
   check_refused(tool(model + " --attack prune --int8 tensor"), {"--attack, --int8", "do not go together"});
   check_refused(tool(model + " --attack prune --symmetric"), {"--symmetric"});
   check_refused(tool("attack --attack prune --out " + at("x.safetensors")), {"--model, --images", "missing"});
-  check_refused(tool("attack --model " + marked() + " --attack prune --into " + at("x")), {"--out, --into"});
+  check_refused(tool("attack --model " + marked() + " --attack prune --into " + at("x")),
+                {"--into: is for images, and a model is attacked"});
+  check_refused(tool("attack --model " + marked() + " --attack prune"), {"--out: is missing", "name the model"});
+  check_refused(tool("attack --images " + at("pictures") + " --attack jpeg:50"), {"--into: is missing", "folder"});
+  check_refused(tool("attack --images " + at("pictures") + " --attack jpeg:50 --out " + at("x.safetensors")),
+                {"--out: is for a model, and images are attacked"});
   CHECK(!fs::exists(at("x.safetensors")));
   check_refused(tool("attack --model " + at("none.safetensors") + " --out " + at("x.safetensors") + " --int8 tensor"),
                 {"none.safetensors"});

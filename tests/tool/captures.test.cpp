@@ -350,6 +350,9 @@ TEST_CASE("tool/captures: what a reader does not use is an error or a warning th
     said(blender(transforms(pixels, [](std::size_t i) { return "test/r_" + std::to_string(i); })), views(12, 0),
          "none of its 12 images is there");
     said(blender(R"({"camera_angle_x": 0.7, "frames": []})"), views(12, 0), "its list of frames is empty");
+    // Random points are no evidence of anything, and are not told as points of the capture.
+    CHECK(has(probed(blender("")), "no points: training begins with random ones"));
+    CHECK_FALSE(has(probed(colmap()), "random"));
     const fs::path val = blender("");
     testing::put(val / "transforms_val.json", json);
     said(val, views(12, 0), "transforms_val.json is not used");

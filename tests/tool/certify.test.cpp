@@ -37,7 +37,12 @@ TEST_CASE("tool: one picture read with the unmarked model is proof where the cla
   done("train --voxel-size 0.1 --effects none --iterations 400 --data " + at("scene") + " --out " + at("run"));
   const std::string unmarked = at("run/model.safetensors");
   REQUIRE(write_key(at("owner.key"), testing::fixed_key(3, 48)).ok());
-  done("spread --psnr 36 --model " + unmarked + " --key " + at("owner.key") + " --out " + at("marked.safetensors"));
+  const Outcome spread =
+      done("spread --psnr 36 --model " + unmarked + " --key " + at("owner.key") + " --out " + at("marked.safetensors"));
+  CHECK(spread.text.find("next: compmark claim --key " + at("owner.key") + " --unmarked " + unmarked + " --out " +
+                         unmarked + ".claim\n") != std::string::npos);
+  CHECK(spread.text.find("then: compmark verify --images PICTURES --key " + at("owner.key") + " --unmarked " +
+                         unmarked + " --claim " + unmarked + ".claim\n") != std::string::npos);
   done("render --model " + at("marked.safetensors") + " --out " + at("renders"));
   done("render --model " + unmarked + " --out " + at("plain"));
   const std::string picture = (*fs::directory_iterator(at("renders"))).path().string();
@@ -56,6 +61,13 @@ TEST_CASE("tool: one picture read with the unmarked model is proof where the cla
   CHECK(alone.text.find("together    ") != std::string::npos);
 
   const std::string claim = testing::claimed(at("owner.key"), {}, " --unmarked " + unmarked);
+  // What is printed beside a claim of the unmarked model marks that, and reads with it.
+  fs::remove(at("owner.key.claim"));
+  const Outcome said_next =
+      done("claim --key " + at("owner.key") + " --unmarked " + unmarked + " --out " + at("owner.key.claim"));
+  CHECK(said_next.text.find("next: compmark embed --model " + unmarked + " --data SCENE --out RUN --key ") !=
+        std::string::npos);
+  CHECK(said_next.text.find(" --unmarked " + unmarked + " --claim " + at("owner.key.claim")) != std::string::npos);
   const Outcome proof = tool("verify" + words + claim);
   INFO(proof.text);
   CHECK(proof.code == 0);
@@ -73,10 +85,14 @@ TEST_CASE("tool: one picture read with the unmarked model is proof where the cla
   const nlohmann::json record = json_of(at("record/record.json"));
   CHECK(record["verdict"] == "detected");
   CHECK(record["proof"]["standing"] == "conditional");
-  CHECK(record["repeat"].get<std::string>().find("compmark verify --key owner.key --decoder ") == 0);
+  // The line runs as it is, once the files are there which the record does not have: the reader has the decoder.
+  const std::string repeat = record["repeat"].get<std::string>();
+  CHECK(repeat.rfind("compmark verify --key owner.key --images images --unmarked model.safetensors", 0) == 0);
+  CHECK(record["repeat_needs"] == nlohmann::json{"owner.key", "model.safetensors"});
   CHECK(record["limits"].count("claim") == 0);
   CHECK(record["limits"]["when"].get<std::string>().find("Nothing here dates the claim") == 0);
   const std::string page = text_of(at("record/record.html"));
+  CHECK(page.find("owner.key, model.safetensors") != std::string::npos);
   CHECK(page.find("Record of a verification") != std::string::npos);
   CHECK(page.find("the unmarked model at the camera that was found") != std::string::npos);
   CHECK(testing::times_in(page, "data:image/png;base64,") == 3);  // the picture, the render, their difference
@@ -95,6 +111,16 @@ TEST_CASE("tool: one picture read with the unmarked model is proof where the cla
   CHECK(files == 4);  // page, report, picture, claim
   CHECK(*file_sha256(fs::path(at("record/images")) / ("0001_" + fs::path(picture).filename().string())) ==
         *file_sha256(picture));
+  {
+    const fs::path there = folder.path / "their copy";
+    fs::copy(at("record"), there, fs::copy_options::recursive);
+    for (const std::string& file : {at("owner.key"), unmarked}) fs::copy(file, there / fs::path(file).filename());
+    const std::string words_of_it = repeat.substr(std::string("compmark ").size());
+    const Outcome repeated = tool(words_of_it, "cd '" + there.string() + "' && ");
+    INFO(repeated.text);
+    CHECK(repeated.code == 0);
+    CHECK(repeated.text.find("DETECTED, conditionally") != std::string::npos);
+  }
   // Nothing secret of the key.
   const std::string secret = json_of(at("owner.key"))["secret"];
   CHECK(page.find(secret.substr(0, 16)) == std::string::npos);

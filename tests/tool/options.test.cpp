@@ -298,6 +298,7 @@ TEST_CASE("options: a file of another kind is named for what it is") {
       {"time stamp", {}},
       {"images", {"photographs/a.png", "photographs"}},
       {"dataset", {"cameras.json", "photographs", "splats.ply"}},
+      {"splat file", {"splats.ply"}},
       {"LPIPS weights", {}}};
   const auto before = place.all();
   std::size_t tried = 0;
@@ -344,6 +345,8 @@ TEST_CASE("tool: the help has its options under headings, and every option has o
   const std::string help = tool("train --help").text;
   for (const char* heading : {"\nOptions:", "\nMessage (watermark):", "\nCodec (compression):", "\nExpert:"})
     CHECK(help.find(heading) != std::string::npos);
+  CHECK(help.find("Usage: compmark train [OPTIONS]") != std::string::npos);
+  CHECK(tool("--help").text.find("Usage: compmark [OPTIONS] SUBCOMMAND") != std::string::npos);
   CHECK(help.find("--data") < help.find("Expert:"));
   CHECK(help.find("--voxel-size") > help.find("Expert:"));
   const nlohmann::json json = nlohmann::json::parse(tool("--options-json").text);
@@ -352,6 +355,53 @@ TEST_CASE("tool: the help has its options under headings, and every option has o
     for (const auto& option : options) ++members[option["group"].get<std::string>()];
   CHECK(members.size() == 4);
   CHECK(members["Expert"] > 20);
+}
+
+TEST_CASE("options: a file that is not there, or is empty, is told with the option that names it") {
+  const Place place("absent");
+  REQUIRE(write_key(place.folder / "owner.key", testing::fixed_key(1, 8)).ok());
+  place.put("zero.ply", "");
+  const std::string verify = "verify --images " + place.at("photographs") + " --key ";
+  check_refused(tool("info " + place.at("zero.ply")), {"zero.ply", "is empty; copy it again"});
+  check_refused(tool(verify + place.at("none.key")), {"none.key: --key: no such file"});
+  check_refused(tool(verify + place.at("owner.key") + " --decoder " + place.at("none.safetensors")),
+                {"none.safetensors: --decoder: no such file; check the path"});
+  // A word of the commands that hide a message is no file of those that read one.
+  check_refused(tool(verify + place.at("owner.key") + " --decoder fit"),
+                {"fit: --decoder: no such file; name the file, RUN/decoder.safetensors"});
+}
+
+TEST_CASE("options: what would change nothing is refused where somebody gives it by hand") {
+  const Place place("idle");
+  const auto before = place.all();
+  const std::string train = "train --data " + place.at("capture") + " --out " + place.at("run");
+  check_refused(tool(train + " --lambda 0.002"), {"--lambda", "give --codec, or leave it out"});
+  check_refused(tool(train + " --mark-iterations 100"), {"--mark-iterations: needs a message to hide; give --key"});
+  for (const char* name : {"--spread 50", "--sample-by-loss 1", "--orbit 0.5", "--calibrate-steps 50"}) {
+    INFO(name);
+    const std::string words = name, option = words.substr(0, words.find(' '));
+    check_refused(tool(train + " " + words), {option + ": needs a message to hide; give --key"});
+  }
+  // A preset sets both, and is for trainings of every kind: what it does not find here is a capture of the right form.
+  const Outcome preset = tool(train + " --preset draft --iterations 1");
+  CHECK(preset.text.find("--lambda") == std::string::npos);
+  CHECK(preset.text.find("--mark-iterations") == std::string::npos);
+  fs::remove_all(place.folder / "run");
+  const std::string model = place.at("model.safetensors");
+  const std::string header = R"({"__metadata__":{"format":"compmark.model"}})";
+  std::string length(8, '\0');
+  length[0] = static_cast<char>(header.size());
+  place.put("model.safetensors", length + header);  // of the right kind, and nothing else
+  for (const std::string words : {"--spz-bits 9", "--spz-version 3"}) {
+    const std::string option = words.substr(0, words.find(' '));
+    check_refused(tool("export --model " + model + " --out " + place.at("a.ply") + " " + words),
+                  {"a.ply", option, "is of SPZ files"});
+    // The control: of an SPZ file it is the model that is looked at.
+    CHECK(tool("export --model " + model + " --out " + place.at("a.spz") + " " + words).text.find("is of SPZ files") ==
+          std::string::npos);
+  }
+  fs::remove(place.folder / "model.safetensors");
+  CHECK(place.all() == before);
 }
 
 TEST_CASE("tool: options are known by the names that they had before, which is said") {

@@ -39,6 +39,12 @@ TEST_CASE("splats: a file of another program is marked without photographs, and 
   const Outcome marked = done(embed + "--iterations 20 --up z --out " + splats.at("run"));
   CHECK(marked.text.find("dB between the renders") != std::string::npos);
   CHECK(marked.text.find("dB lost") == std::string::npos);  // to photographs, and there are none
+  CHECK(marked.text.find("next: compmark export --model " + splats.at("run/marked.ply") + " --out ") !=
+        std::string::npos);
+  // An owner whose mark is not read is told what to do about it, not how a judge would find.
+  CHECK(marked.text.find("NOT DETECTED") == std::string::npos);
+  CHECK((marked.text.find("DETECTED: these images") == std::string::npos) ==
+        (marked.text.find("the mark cannot be read yet: more --mark-iterations") != std::string::npos));
   const nlohmann::json results = testing::json_of(splats.at("run/results.json"));
   CHECK(results["dataset"] == "scene.ply");
   CHECK(results["recipe"] == "explicit");
@@ -63,6 +69,11 @@ TEST_CASE("splats: a file of another program is marked without photographs, and 
                               " --iterations 20 --out " + splats.at("no")),
                          {"--data"});
   testing::check_refused(tool(embed + "--iterations 20 --fidelity 0 --out " + splats.at("no")), {"explicit"});
+  testing::check_refused(tool(embed + "--iterations 20 --spread 50 --out " + splats.at("no")),
+                         {"--spread",
+                          "with compmark spread --out OUT, and then the message, with compmark embed --model "
+                          "OUT --data " +
+                              splats.ply.string()});
   CHECK_FALSE(std::filesystem::exists(splats.at("no")));
 }
 
@@ -71,6 +82,13 @@ TEST_CASE("splats: a mark that single pictures prove is hidden in a splat file t
   const Outcome spread = done("spread --model " + splats.ply.string() + " --key " + splats.key + " --out " +
                               splats.at("marked.safetensors"));
   CHECK(spread.text.find("dB between renders") != std::string::npos);
+  // A name that says splats would be given to a model.
+  for (const char* name : {"wrong.ply", "wrong.SPZ", "wrong.html", "wrong.cmk"}) {
+    testing::check_refused(
+        tool("spread --model " + splats.ply.string() + " --key " + splats.key + " --out " + splats.at(name)),
+        {name, "--out: ends in .", "but this command writes a model; end it in .safetensors, and export it"});
+    CHECK_FALSE(std::filesystem::exists(splats.at(name)));
+  }
   done("export --model " + splats.at("marked.safetensors") + " --out " + splats.at("marked.ply") + " --compare 0");
   const Result<SplatFile> written = read_splat(splats.at("marked.ply"));
   REQUIRE(written.ok());
@@ -88,7 +106,9 @@ TEST_CASE("splats: a model of ours is trained from the renders of a splat file")
   // It is evaluated against the same splats, from the same cameras.
   done("evaluate --model " + splats.at("run/model.safetensors") + " --data " + splats.ply.string() + " --downscale 16");
   testing::check_refused(tool("adopt --splat " + splats.folder.path.string() + " --out " + splats.at("no")),
-                         {"--splat"});
+                         {"--splat", "is a folder, not a splat file"});
+  testing::check_refused(tool("probe --data " + splats.ply.string()),
+                         {"--data", "no photographs whose effects", "adopt --splat"});
   CHECK_FALSE(std::filesystem::exists(splats.at("no")));
 }
 

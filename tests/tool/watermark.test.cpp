@@ -67,6 +67,10 @@ nlohmann::json train(const std::string& out, const std::string& options, int ite
       at(out) + (options.find("--voxel-size") == std::string::npos ? " --voxel-size 0.2 " : " ") + options);
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
+  // One thing comes next. Of a model that was trained on the way it is only told that it is kept.
+  CHECK(testing::times_in(outcome.text, "next: compmark ") == 1);
+  CHECK(testing::times_in(outcome.text, "kept for you alone: " + at(out) + "/unmarked\n") ==
+        (fs::exists(at(out) + "/unmarked/results.json") ? 1u : 0u));
   return json_of(at(out) + "/results.json");
 }
 const nlohmann::json& unmarked() {
@@ -417,6 +421,9 @@ TEST_CASE(
   const Outcome outcome = tool(run + " --resume");
   INFO(outcome.text);
   REQUIRE(outcome.code == 0);
+  // One thing comes next: nothing is told of the unmarked model but that it is kept.
+  CHECK(testing::times_in(outcome.text, "next: compmark export --model ") == 1);
+  CHECK(outcome.text.find("next: compmark export --model " + at("whole/model.safetensors")) != std::string::npos);
   const nlohmann::json results = json_of(at("whole/results.json"));
   MESSAGE(results["bit_accuracy"].dump(), " p ", results["p_value"].dump(), " cost ",
           results["psnr_cost_vs_unmarked"].dump(), " dB, ", results["psnr_marked_vs_unmarked"].dump(), " dB");

@@ -74,8 +74,11 @@ class FolderLock {
       constexpr int flags = O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
       int descriptor = ::open(lock.c_str(), O_RDWR | O_CREAT | flags, 0666);
       if (descriptor < 0 && errno == EACCES) descriptor = ::open(lock.c_str(), O_RDONLY | flags);  // another user's
-      if (descriptor < 0)
-        return fail(std::string("cannot be locked: ") + std::strerror(errno), "create it and make it writable");
+      if (descriptor < 0) {
+        const std::string folder = lock.parent_path().empty() ? std::string(".") : lock.parent_path().string();
+        return Error{ErrorKind::unwritable, folder, "", std::string("cannot be written into: ") + std::strerror(errno),
+                     "create this folder, or make it writable"};
+      }
       if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
         const int reason = errno;
         ::close(descriptor);

@@ -68,7 +68,7 @@ inline Error image_error(ErrorKind kind, const std::string& name, std::string pr
 }
 inline Error damaged_image(const std::string& name, const std::string& how) {
   return image_error(ErrorKind::malformed, name, "the image is damaged (" + how + ")",
-                     "copy it again or remove it from the dataset");
+                     "copy it again, or leave it out");
 }
 }  // namespace detail
 
@@ -77,7 +77,7 @@ inline Error damaged_image(const std::string& name, const std::string& how) {
   ImageInfo info;
   const auto* data = reinterpret_cast<const unsigned char*>(bytes.data());
   if (bytes.empty())
-    return detail::image_error(ErrorKind::truncated, name, "the image file is empty", "copy it again or remove it");
+    return detail::image_error(ErrorKind::truncated, name, "the image file is empty", "copy it again, or leave it out");
   if (const char* damage = detail::jpeg_damage(bytes, true); damage != nullptr)
     return detail::damaged_image(name, damage);
   if (bytes.size() > image_file_limit - 1 ||
@@ -117,7 +117,7 @@ namespace detail {
     return image_error(ErrorKind::truncated, name,
                        "says that it has " + size + ", for which a file has " + std::to_string(least) +
                            " bytes at least; this one has " + std::to_string(bytes.size()),
-                       "copy it again or remove it from the dataset");
+                       "copy it again, or leave it out");
   }
   const std::uint64_t memory = decoding_bytes(bytes, pixels, count(info.channels), count(info.bits));
   if (memory > memory_limit) {
@@ -154,7 +154,7 @@ namespace detail {
     return detail::image_error(
         ErrorKind::unreadable, name,
         std::string("the image is damaged or truncated (") + detail::stb::stbi_failure_reason() + ")",
-        "copy it again or remove it from the dataset");
+        "copy it again, or leave it out");
   }
   ImageBytes image{width, height, channels, {}};
   const std::size_t count =

@@ -63,7 +63,9 @@ inline constexpr std::array<ForeignCapture, 24> foreign_captures{{
     {".zip", "", "a packed file", "unpack it and give the folder inside"},
     {".blend", "", "a scene of Blender", "render photographs and transforms_train.json with the add-on BlenderNeRF"},
     {".ply", "", "points or a finished splat without photographs",
-     "give the folder with the photographs and their cameras (compmark info says what the file is)"},
+     "give the folder with the photographs and their cameras, or the splat file itself to train --data or adopt "
+     "--splat "
+     "(compmark info says what it is)"},
 }};
 
 namespace detail {
@@ -101,7 +103,8 @@ namespace detail {
   for (const ForeignCapture& kind : foreign_captures) {
     for (const std::filesystem::path& entry : entries) {
       if (!is_foreign(entry, kind)) continue;
-      return Error{ErrorKind::unsupported, place.string(), entry.filename().string(),
+      const std::string field = entry == place ? std::string() : entry.filename().string();
+      return Error{ErrorKind::unsupported, place.string(), field,
                    "is " + std::string(kind.what) + ", which is not read", std::string(kind.remedy)};
     }
   }

@@ -64,7 +64,7 @@ struct MaskFile {
       &mask.channels, 0));
   if (!pixels) {
     return detail::image_error(ErrorKind::unreadable, path.string(), "the image is damaged or truncated",
-                               "copy it again or remove it from the dataset");
+                               "copy it again, or leave it out");
   }
   mask.white = 65535;
   const std::size_t count = static_cast<std::size_t>(mask.width) * static_cast<std::size_t>(mask.height);

@@ -4,13 +4,16 @@
 
 #include <compmark/app/any_model.hpp>
 #include <compmark/app/files.hpp>
+#include <compmark/app/run/detail/finished_run.hpp>
 #include <compmark/app/run/detail/train_effects.hpp>
 #include <compmark/app/run/train.hpp>
 #include <cstddef>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "app/run/small_run.hpp"
+#include "app/small_decoder.hpp"
 
 namespace {
 
@@ -184,7 +187,87 @@ TEST_CASE("app/run/train: wrong settings are refused before anything is written"
   });
   refused("--checkpoint-every", [](TrainSceneSettings& s) { s.checkpoint_every = 0; });
   refused("--key", [](TrainSceneSettings& s) { s.mark.weight = 1; });
+  // What a mark alone has use for names the key that is not there, not the mark.
+  refused("--spread", [](TrainSceneSettings& s) { s.mark.spread = 50; });
+  refused("--sample-by-loss", [](TrainSceneSettings& s) { s.mark.by_cost = 1; });
+  refused("--orbit", [](TrainSceneSettings& s) { s.mark.orbit = 0.5; });
+  refused("--calibrate-steps", [](TrainSceneSettings& s) { s.mark.calibrate_steps = 50; });
+  refused("--fidelity", [](TrainSceneSettings& s) { s.mark.fidelity = 100; });
+  TrainSceneSettings keyless = scene.training("run");
+  keyless.mark.spread = 50;
+  const Result<RunOutcome> told_why = train_scene(keyless, executor, told);
+  REQUIRE_FALSE(told_why.ok());
+  CHECK(told_why.error().line() == "--spread: needs a message to hide; give --key");
   CHECK(told.progress.empty());
+}
+
+TEST_CASE("app/run/train: a key that does not fit the decoder is refused before the unmarked model is trained") {
+  const testing::SmallCapture scene("compmark-run-unfit-key");
+  ThreadExecutor executor(1);
+  KeepingObserver told;
+  const std::filesystem::path decoder = scene.folder.path / "decoder.safetensors";
+  testing::write_decoder(decoder, 8);
+  Digest256 secret{};
+  secret[3] = std::byte{5};
+  const auto refused = [&](const std::string& bound_to, std::size_t bits, bool universal) {
+    const Result<OwnerKey> key =
+        make_bound_key(secret, bound_to, "2026-01-31T23:59:59Z", bits, "", OwnerKey::least_hardness);
+    REQUIRE(key.ok());
+    REQUIRE(write_key(scene.key, *key).ok());
+    TrainSceneSettings settings = scene.training("run");
+    settings.mark.key = scene.key;
+    if (universal) {
+      settings.mark.universal = decoder;
+    } else {
+      settings.mark.decoder = decoder;
+      settings.mark.fidelity = 100;
+    }
+    REQUIRE(marks_afterwards(settings));
+    settings.iterations = 3;
+    settings.mark_iterations = 1;
+    const Result<RunOutcome> outcome = train_scene(settings, executor, told);
+    std::filesystem::remove(scene.key);
+    return outcome.ok() ? std::string() : outcome.error().line();
+  };
+  for (const bool universal : {true, false}) {
+    CAPTURE(universal);
+    CHECK(refused(std::string(64, 'a'), 8, universal).find("not the decoder that this key is bound to") !=
+          std::string::npos);
+    CHECK_FALSE(refused(*file_sha256(decoder), 16, universal).empty());  // other bits than the decoder reads
+    CHECK_FALSE(std::filesystem::exists(scene.folder.path / "run"));
+    CHECK(told.progress.empty());
+  }
+  // Negative control: with the key of this decoder the work begins.
+  told.stop_after = 1;
+  static_cast<void>(refused(*file_sha256(decoder), 8, true));
+  CHECK(told.progress.size() == 1);
+}
+
+TEST_CASE("app/run/train: a finished run with another key or codec is told by these alone") {
+  using Json = nlohmann::json;
+  detail::RunPlan plan;
+  plan.out = "run";
+  const Json none = Json::object(), marked = {{"--key", "a"}, {"--model", "b"}, {"--decoder", "c"}};
+  const auto told = [&](const std::string& recipe_before, const std::string& recipe, const Json& before,
+                        const Json& now) {
+    const Result<Done> same = detail::check_same_kind(plan, recipe_before, recipe, before, now);
+    return same ? std::string() : same.error().line();
+  };
+  const std::string key_lost = told("scaffold", "scaffold", marked, none);
+  CHECK(key_lost ==
+        "run: --resume: the run in this folder is finished (results.json), and was marked with --key; give --key KEY "
+        "again, or choose another --out");
+  CHECK(told("scaffold", "scaffold", none, {{"--key", "a"}}).find("was made without --key") != std::string::npos);
+  CHECK(told("hac", "scaffold", none, none).find("--codec was hac and is none; give --codec hac again") !=
+        std::string::npos);
+  CHECK(told("hac", "hac", {{"--codec", "hac_plus"}}, none).find("--codec was hac_plus and is hac") !=
+        std::string::npos);
+  // Negative controls: the same, an effect more, and another model say nothing here.
+  CHECK(told("scaffold", "scaffold", none, none).empty());
+  CHECK(told("scaffold", "scaffold+exposure", none, none).empty());
+  plan.model = "model.safetensors";
+  CHECK(told("scaffold", "scaffold", marked, marked).empty());
+  CHECK(told("hac", "context_gs", marked, {{"--key", "a"}, {"--model", "z"}}).empty());
 }
 
 TEST_CASE("app/run/train: marks_afterwards says whether an unmarked model comes first") {

@@ -187,6 +187,11 @@ COMPMARK_APP_INLINE Result<FileDecoder> open_decoder(const std::filesystem::path
                                                      std::string* sha256) {
   const Result<SafetensorsFile> file = read_safetensors(path, FileKind::decoder);
   if (!file) return file.error();
+  if (key == nullptr && detail::carrier_dimension(*file) != 0) {
+    return Error{ErrorKind::invalid, path.string(), "--key",
+                 "is missing, and this decoder reads along carriers that follow from the owner's key",
+                 "give --key, or a decoder that is fitted to the scene"};
+  }
   const bool bound = key != nullptr && !key->decoder.empty();
   if (bound || sha256 != nullptr) {
     const std::string digest = file->sha256();

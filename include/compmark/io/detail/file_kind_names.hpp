@@ -196,9 +196,9 @@ enum class FileKind {
     case FileKind::spz:
     case FileKind::sog:
     case FileKind::glb:
-      return "info, render, evaluate, export and verify --model take it; to mark or compress it, train a model from "
-             "its "
-             "photographs (train --data)";
+      return "info, render, evaluate, export, verify, embed and spread --model take it; to compress it, make a model "
+             "of "
+             "it first: compmark adopt --splat FILE --codec hac";
     default:
       return "";
   }

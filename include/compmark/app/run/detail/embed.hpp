@@ -73,9 +73,12 @@ namespace detail {
 [[nodiscard]] inline Result<Done> can_spread(const RunPlan& plan) {
   if (!plan.mark.spread) return Done{};
   if (plan.recipe == "explicit") {
-    return Error{ErrorKind::unsupported, plan.model.string(), "--spread",
-                 "is for models whose anchors have features, and splats of other programs have none",
-                 "leave the option out, or make a model of them with compmark adopt"};
+    return Error{
+        ErrorKind::unsupported, plan.model.string(), "--spread",
+        "is for models whose anchors have features, and splats of other programs have none",
+        "hide the spread mark first, with compmark spread --out OUT, and then the message, with compmark embed "
+        "--model OUT --data " +
+            plan.data.string()};
   }
   return check_spread_psnr(*plan.mark.spread, "--spread");
 }

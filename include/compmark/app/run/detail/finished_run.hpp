@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "compmark/app/files.hpp"
+#include "compmark/app/recipe_names.hpp"
 #include "compmark/app/run/detail/run_data.hpp"
 #include "compmark/app/run/detail/run_mark.hpp"
 #include "compmark/app/run/differences.hpp"
@@ -144,6 +145,39 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   return digest && *digest == results->model_sha256;
 }
 
+/// An error where a finished run had another key, or none, or another codec: what else differs follows from that, and
+/// is left unsaid. Runs of models that differ are left to compare_settings.
+[[nodiscard]] inline Result<Done> check_same_kind(const RunPlan& plan, const std::string& recipe_before,
+                                                  const std::string& recipe, const nlohmann::json& before,
+                                                  const nlohmann::json& now) {
+  const auto refused = [&](const std::string& problem, const std::string& remedy) {
+    return Error{ErrorKind::invalid, plan.out.string(), "--resume",
+                 "the run in this folder is finished (results.json), and " + problem,
+                 remedy + ", or choose another --out"};
+  };
+  const auto value = [](const nlohmann::json& files, const char* option) {
+    return files.value(option, nlohmann::json());
+  };
+  const nlohmann::json model = value(before, "--model");  // a run that marks afterwards has one, and its training none
+  if (!model.is_null() && !plan.model.empty() && model != value(now, "--model")) return Done{};
+  const nlohmann::json key_before = value(before, "--key"), key_now = value(now, "--key");
+  if (key_before != key_now) {
+    if (key_before.is_null()) return refused("was made without --key", "leave --key out");
+    const bool marks = plan.model.empty();  // a fit of a codec only reads the mark
+    if (key_now.is_null())
+      return refused(marks ? "was marked with --key" : "was made with --key", "give --key KEY again");
+    return refused("--key differs", "give the --key that it was made with");
+  }
+  const auto codec = [&](const std::string& name, const nlohmann::json& files) {
+    const nlohmann::json written = value(files, "--codec");
+    return written.is_string() ? written.get<std::string>() : std::string(recipe_codec(name));
+  };
+  const std::string codec_before = codec(recipe_before, before), codec_now = codec(recipe, now);
+  const bool of_mark = !plan.model.empty() && trained_codec(codec_before) == trained_codec(codec_now);
+  if (codec_before == codec_now || of_mark) return Done{};
+  return refused("--codec was " + codec_before + " and is " + codec_now, "give --codec " + codec_before + " again");
+}
+
 /// Whether the run in plan.out is finished and has the same settings. An error names the options that differ; with
 /// `force` there is none.
 [[nodiscard]] inline Result<bool> is_finished(const RunPlan& plan, const RunData& run) {
@@ -162,14 +196,19 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   if (!identity) return identity.error();
   const nlohmann::json now = json_from<nlohmann::json>(*identity);
   const nlohmann::json before = json_from<nlohmann::json>(results->identity);
+  nlohmann::json files =
+      before.is_object() ? before.value("files", nlohmann::json::object()) : nlohmann::json::object();
+  if (files.contains("--twin")) files["--unmarked"] = files["--twin"];  // as the option was called
+  if (before.is_object() && !plan.force) {
+    if (Result<Done> same = check_same_kind(plan, info->recipe, run.info.recipe, files, now["files"]); !same)
+      return same.error();
+  }
   differences.values("the recipe (--recipe, --codec, --effects)", info->recipe, run.info.recipe);
   if (plan.method) {  // earlier versions had one
     const std::string method = results->method.empty() ? std::string(name_of(EmbedMethod::compmark)) : results->method;
     differences.values("--method", method, std::string(name_of(*plan.method)));
   }
   if (before.is_object()) {
-    nlohmann::json files = before.value("files", nlohmann::json::object());
-    if (files.contains("--twin")) files["--unmarked"] = files["--twin"];  // as the option was called
     for (const char* option : {"--model", "--key", "--decoder", "--unmarked", "--spread", "--recipient", "--lpips-alex",
                                "--lpips-squeeze", "--lpips-family-range", "--codec"})
       differences.files(option, files.value(option, nlohmann::json()), now["files"].value(option, nlohmann::json()));

@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "compmark/app/reading.hpp"
 #include "compmark/app/run/detail/embed.hpp"
 #include "compmark/app/run/detail/in_file.hpp"
 #include "compmark/app/run/detail/train_codec.hpp"
@@ -30,6 +31,10 @@ namespace detail {
   // All options are checked before hours of work.
   const Result<OwnerKey> key = key_of(plan.mark, warnings_of(observer));
   if (!key) return key.error();
+  if (!plan.mark.decoder.empty()) {  // they must agree: a key may be bound to another decoder, or have other bits
+    const Result<FileDecoder> opened = open_decoder(plan.mark.decoder, &*key);
+    if (!opened) return opened.error();
+  }
   const bool coded = is_coded_recipe(plan.recipe);
   if (Result<Done> can = can_mark_finished(plan); !can) return can.error();
   if (Result<Done> apt = check_held(plan.mark, plan.mark.fidelity.value_or(1)); !apt) return apt.error();
@@ -67,6 +72,20 @@ namespace detail {
   return embed_plan(std::move(marked), EmbedDistortion::round);
 }
 
+/// An error if numbers of a mark are given without the key whose message it would be.
+[[nodiscard]] inline Result<Done> check_has_key(const MarkSettings& mark) {
+  if (!mark.key.empty()) return Done{};
+  for (const auto& [given, name] :
+       {std::pair(mark.spread.has_value(), "--spread"), std::pair(mark.by_cost.has_value(), "--sample-by-loss"),
+        std::pair(mark.orbit.has_value(), "--orbit"), std::pair(mark.fall.has_value(), "--fidelity-fall"),
+        std::pair(mark.edits.has_value(), "--edits"), std::pair(mark.lost_anchors.has_value(), "--lost-anchors"),
+        std::pair(mark.calibrate_steps.has_value(), "--calibrate-steps"),
+        std::pair(mark.fidelity.has_value() && *mark.fidelity > 0, "--fidelity")}) {
+    if (given) return Error{ErrorKind::invalid, {}, name, "needs a message to hide", "give --key"};
+  }
+  return Done{};
+}
+
 /// An error if the profile cannot hide a message in this way.
 [[nodiscard]] inline Result<Done> check_published_mark(const TrainChoice& chosen) {
   if (is_published_profile(chosen.profile) && chosen.mark.decoder.empty()) {
@@ -90,14 +109,13 @@ namespace detail {
 /// An error if numbers of post-hoc embedding are given, but the mark trains with the scene.
 [[nodiscard]] inline Result<Done> check_mark_while_training(const TrainChoice& chosen) {
   if (chosen.mark.fidelity && *chosen.mark.fidelity > 0) {
-    const bool key = chosen.mark.key.empty(), counterpart = !chosen.mark.unmarked.empty();
     return Error{ErrorKind::unsupported,
                  {},
                  "--fidelity",
                  "above 0 needs a finished model to mark",
-                 key           ? "give a --key too"
-                 : counterpart ? "leave out --unmarked: this run trains the unmarked model too"
-                               : "leave out --for-compression, which is for marks that train with the scene"};
+                 !chosen.mark.unmarked.empty()
+                     ? "leave out --unmarked: this run trains the unmarked model too"
+                     : "leave out --for-compression, which is for marks that train with the scene"};
   }
   for (const auto& [given, name] :
        {std::pair(chosen.mark.by_cost.has_value(), "--sample-by-loss"),
@@ -142,6 +160,7 @@ COMPMARK_APP_INLINE Result<RunOutcome> train_scene(const TrainSceneSettings& wan
                                                    RunObserver& observer) {
   detail::TrainChoice chosen;
   static_cast<TrainSceneSettings&>(chosen) = wanted;
+  if (Result<Done> keyed = detail::check_has_key(chosen.mark); !keyed) return keyed.error();
   if (Result<Done> free = check_unfinished(chosen.out, chosen.resume || chosen.force); !free) return free.error();
   chosen.intra = chosen.codec == "hac_plus";
   const bool coded = chosen.codec != "none" || is_coded_recipe(chosen.recipe);
