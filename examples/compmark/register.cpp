@@ -26,6 +26,7 @@
 #include "common.hpp"
 #include "model_files.hpp"
 #include "report.hpp"
+#include "run_options.hpp"
 
 namespace tool {
 namespace {
@@ -190,6 +191,7 @@ Command add_register(Options& app) {
   app.number("--places", options->settings.places, WholeRange{1, 5000},
              "cameras that a picture is compared with: the model's, then drawn ones between and beyond")
       ->capture_default_str();
+  add_splat_up(app, options->settings.up, "any of these six");
   app.number("--seed", options->settings.seed, any_seed, "seed of the drawn ones")->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();
