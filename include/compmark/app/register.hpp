@@ -123,7 +123,7 @@ inline constexpr int register_least_side = 32;
   }
   struct Candidate {
     CameraFit fit;
-    std::size_t side;
+    std::size_t side, group;
   };
   detail::RegisterRender render(model, detail::register_native_focal(model), executor);
   bool failed = false;
@@ -135,21 +135,28 @@ inline constexpr int register_least_side = 32;
     };
     return Candidate{
         fit_camera(small.view, from.fit.camera.resized(small.view.width, small.view.height), fit, draw, executor),
-        from.side};
+        from.side, from.group};
   };
   const auto by_likeness = [](const Candidate& a, const Candidate& b) { return a.fit.likeness > b.fit.likeness; };
 
   std::vector<Candidate> candidates;
   for (std::size_t side = 0; side < (settings.mirrored ? 2 : 1); ++side) {
     for (const SearchMatch& match :
-         search_cameras(places, sides[side], SearchSettings{}, settings.candidates, executor)) {
-      candidates.push_back({{}, side});
+         search_cameras(places, sides[side], SearchSettings{}, places.size(), executor)) {
+      candidates.push_back({{}, side, places[match.place].group});
       candidates.back().fit.camera = match.camera;
       candidates.back().fit.likeness = match.likeness;
     }
   }
   std::stable_sort(candidates.begin(), candidates.end(), by_likeness);
-  if (candidates.size() > settings.candidates) candidates.resize(settings.candidates);
+  // The best of each group: those of wrong assumptions are more, and would crowd out the right ones.
+  std::vector<std::size_t> taken;
+  std::vector<Candidate> kept;
+  for (Candidate& candidate : candidates) {
+    taken.resize(std::max(taken.size(), candidate.group + 1));
+    if (taken[candidate.group]++ < settings.candidates) kept.push_back(std::move(candidate));
+  }
+  candidates = std::move(kept);
   if (candidates.empty()) return Registration{};
 
   // In order of likeness, until one is certain; then the best two at twice the size.

@@ -37,7 +37,7 @@ inline constexpr double found_likeness = 0.45;
 struct RegisterSettings {
   std::size_t places = 300;        ///< cameras that a picture is compared with: the model's, then drawn ones
   std::uint64_t seed = 0;          ///< of the drawn ones
-  std::size_t candidates = 4;      ///< of the places, that are fitted at the smallest size at most
+  std::size_t candidates = 4;      ///< of each group of places (SearchPlace::group), fitted at the smallest size at most
   int finest = 400;                ///< longest side at which the picture is fitted last, pixels
   bool mirrored = false;           ///< look at the mirrored picture as well
   double enough = found_likeness;  ///< likeness from which a picture is of the scene
@@ -79,8 +79,8 @@ struct RegisterPicture {
 
 }  // namespace detail
 
-/// The places of a model that pictures are compared with, RegisterSettings::places of them, or as many as the model has
-/// cameras, for each way that may be up. Error: the model has no stored cameras; RegisterSettings::up
+/// The places of a model that pictures are compared with: RegisterSettings::places of them, or as many as the model has
+/// cameras; of splats of which nobody says what is up a third of that about each of six axes, twice as many in all. Error: the model has no stored cameras; RegisterSettings::up
 /// is none, or the model has cameras of its own; one of AnyModel::render. Cost: a render of 144 pixels and its transform
 /// a place.
 [[nodiscard]] inline Result<std::vector<SearchPlace>> register_places(AnyModel& model, const RegisterSettings& settings,
@@ -100,9 +100,12 @@ struct RegisterPicture {
   }
   std::vector<SearchPlace> places;
   FieldTransform transform;
-  for (const std::vector<Camera<double>>& group : detail::register_groups(model.info(), up)) {
+  const std::vector<std::vector<Camera<double>>> groups = detail::register_groups(model.info(), up);
+  const std::size_t wanted = groups.size() > 1 ? settings.places / 3 : settings.places;
+  for (std::size_t of = 0; of < groups.size(); ++of) {
+    const std::vector<Camera<double>>& group = groups[of];
     const auto cameras = [&](std::size_t i) { return group[i]; };
-    for (std::size_t i = 0; i < std::max(settings.places, group.size()); ++i) {
+    for (std::size_t i = 0; i < std::max(wanted, group.size()); ++i) {
       const Camera<double> camera =
           i < group.size() ? group[i]
                            : orbit_view_camera(cameras, group.size(), i % group.size(),
@@ -112,6 +115,7 @@ struct RegisterPicture {
       if (!render) return render.error();
       const detail::RegisterPicture shrunk(render->image, std::max(small.width, small.height), executor);
       places.push_back(search_place(camera, shrunk.view, transform));
+      places.back().group = of;
     }
   }
   return places;
