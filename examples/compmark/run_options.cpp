@@ -33,7 +33,8 @@ void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up, const 
   const auto word = std::make_shared<std::string>();
   app.word("--up", *word,
            "which way is up in a splat file: x, y, z, -x, -y or -z (write --up=-z); of captures it is -y, of Blender z "
-           "(default: what the file says, or " + otherwise + ")")
+           "(default: what the file says, or " +
+               otherwise + ")")
       ->check(CLI::IsMember({"x", "y", "z", "-x", "-y", "-z"}))
       ->each([&up, word](const std::string& name) {
         up = std::array<double, 3>{0, 0, 0};

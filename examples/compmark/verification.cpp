@@ -59,7 +59,10 @@ Result<Verified> verify_by(const VerifyOptions& options, const ComparedObserver&
   tell_threads(executor, options.reading.threads);
   const ReadingSettings reading = reading_settings(options.reading);
   if (reading.up && (!reading.model.empty() || reading.unmarked.empty())) {
-    return Error{ErrorKind::invalid, {}, "--up", "is given, and no camera is looked for in an unmarked splat file",
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--up",
+                 "is given, and no camera is looked for in an unmarked splat file",
                  "leave it out, or give --images and --unmarked"};
   }
   if (reading.model.empty() && !reading.unmarked.empty()) {

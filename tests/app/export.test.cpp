@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <array>
+#include <cmath>
 #include <compmark/app/export.hpp>
 #include <compmark/io/anchor_ply.hpp>
 #include <compmark/io/atomic_file.hpp>
@@ -9,10 +11,12 @@
 #include <compmark/io/splat/write_splat.hpp>
 #include <compmark/io/splat_ply.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/scene/up_axes.hpp>
 #include <compmark/splat/export/bake.hpp>
 #include <compmark/splat/training/model_file.hpp>
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 

@@ -141,8 +141,7 @@ inline constexpr int register_least_side = 32;
 
   std::vector<Candidate> candidates;
   for (std::size_t side = 0; side < (settings.mirrored ? 2 : 1); ++side) {
-    for (const SearchMatch& match :
-         search_cameras(places, sides[side], SearchSettings{}, places.size(), executor)) {
+    for (const SearchMatch& match : search_cameras(places, sides[side], SearchSettings{}, places.size(), executor)) {
       candidates.push_back({{}, side, places[match.place].group});
       candidates.back().fit.camera = match.camera;
       candidates.back().fit.likeness = match.likeness;

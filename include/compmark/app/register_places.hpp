@@ -35,11 +35,11 @@ namespace compmark {
 inline constexpr double found_likeness = 0.45;
 
 struct RegisterSettings {
-  std::size_t places = 300;        ///< cameras that a picture is compared with: the model's, then drawn ones
-  std::uint64_t seed = 0;          ///< of the drawn ones
-  std::size_t candidates = 4;      ///< of each group of places (SearchPlace::group), fitted at the smallest size at most
-  int finest = 400;                ///< longest side at which the picture is fitted last, pixels
-  bool mirrored = false;           ///< look at the mirrored picture as well
+  std::size_t places = 300;    ///< cameras that a picture is compared with: the model's, then drawn ones
+  std::uint64_t seed = 0;      ///< of the drawn ones
+  std::size_t candidates = 4;  ///< of each group of places (SearchPlace::group), fitted at the smallest size at most
+  int finest = 400;            ///< longest side at which the picture is fitted last, pixels
+  bool mirrored = false;       ///< look at the mirrored picture as well
   double enough = found_likeness;  ///< likeness from which a picture is of the scene
   /// Of splats that came without cameras, which way is up; nothing: as their file says, or any of the six axes. An error
   /// for a model that has cameras of its own.

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The functions of app/export.hpp.
+// The functions of app/export.hpp, together: they share the views that are measured.
 #pragma once
 
 #include <algorithm>

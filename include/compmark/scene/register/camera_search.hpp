@@ -111,8 +111,9 @@ namespace detail {
 template <class T>
 [[nodiscard]] SearchPlace search_place(const Camera<double>& camera, ImageView<const float> render,
                                        BasicFieldTransform<T>& transform) {
-  SearchPlace place{camera, gradient_field(detail::grey_of(render), {}, render.width, render.height,
-                                           (field_side - render.width) / 2, (field_side - render.height) / 2),
+  SearchPlace place{camera,
+                    gradient_field(detail::grey_of(render), {}, render.width, render.height,
+                                   (field_side - render.width) / 2, (field_side - render.height) / 2),
                     0};
   transform.forward(place.field);
   return place;

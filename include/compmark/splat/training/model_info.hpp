@@ -43,7 +43,7 @@ struct ModelInfo {
   /// Plus `unit` times a position of the model is one in the dataset's files (Dataset::origin, Dataset::unit).
   std::array<double, 3> origin{0, 0, 0};
   double unit = 1;
-  std::optional<std::array<double, 3>> up;  ///< of length 1: of splats without cameras, where their file says it
+  std::optional<std::array<double, 3>> up;         ///< of length 1: of splats without cameras, where their file says it
   std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, scales and offsets, with an entropy model
 };
 
