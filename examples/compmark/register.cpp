@@ -139,7 +139,11 @@ int run(const RegisterOptions& options) {
     json["pictures"].push_back(std::move(entry));
     const std::string verdict = !found->found ? "not of this scene" : found->mirrored ? "found, mirrored" : "found";
     std::printf("%-32s %s, likeness %.3f", name.c_str(), verdict.c_str(), found->likeness);
-    if (found->found) std::printf(", within %.2g pixels if differences are noise", found->uncertainty_pixels);
+    if (found->found && found->likeness < sure_likeness) {
+      std::printf(", so the camera may be wrong: compare the picture with its render (--html)");
+    } else if (found->found) {
+      std::printf(", within %.2g pixels if differences are noise", found->uncertainty_pixels);
+    }
     std::printf("\n");
     if (options.html.empty()) continue;
     grid.rows.push_back({name, verdict, shown("%.3f", found->likeness),

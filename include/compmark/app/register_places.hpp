@@ -33,6 +33,10 @@ namespace compmark {
 
 /// Likeness from which a picture is of the scene: docs/registration.md says how it was chosen.
 inline constexpr double found_likeness = 0.45;
+/// Likeness below which the camera of such a picture may be a wrong one. Wrong cameras of a scene of boxes reached 0.33,
+/// of a splat scene 0.47 to 0.53, and right ones with noise of deviation 0.1 have 0.31 (128 pixels) to 0.61, clean ones
+/// 0.67 and more: the two overlap, so this is said and decides nothing.
+inline constexpr double sure_likeness = 0.6;
 
 struct RegisterSettings {
   std::size_t places = 300;    ///< cameras that a picture is compared with: the model's, then drawn ones
