@@ -26,6 +26,7 @@
 #include "common.hpp"
 #include "model_files.hpp"
 #include "report.hpp"
+#include "run_options.hpp"
 
 namespace tool {
 namespace {
@@ -138,7 +139,11 @@ int run(const RegisterOptions& options) {
     json["pictures"].push_back(std::move(entry));
     const std::string verdict = !found->found ? "not of this scene" : found->mirrored ? "found, mirrored" : "found";
     std::printf("%-32s %s, likeness %.3f", name.c_str(), verdict.c_str(), found->likeness);
-    if (found->found) std::printf(", within %.2g pixels if differences are noise", found->uncertainty_pixels);
+    if (found->found && found->likeness < sure_likeness) {
+      std::printf(", so the camera may be wrong: compare the picture with its render (--html)");
+    } else if (found->found) {
+      std::printf(", within %.2g pixels if differences are noise", found->uncertainty_pixels);
+    }
     std::printf("\n");
     if (options.html.empty()) continue;
     grid.rows.push_back({name, verdict, shown("%.3f", found->likeness),
@@ -190,6 +195,7 @@ Command add_register(Options& app) {
   app.number("--places", options->settings.places, WholeRange{1, 5000},
              "cameras that a picture is compared with: the model's, then drawn ones between and beyond")
       ->capture_default_str();
+  add_splat_up(app, options->settings.up, "any of these six");
   app.number("--seed", options->settings.seed, any_seed, "seed of the drawn ones")->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all; the result is the same for any number")
       ->capture_default_str();

@@ -29,11 +29,12 @@ void add_finished_model_options(Options& app, RunSettings& run, RunOptions& opti
   app.reads("--lpips-alex", run.lpips.alex, InputKind::weights, "LPIPS weights (safetensors) to report lpips_alex");
 }
 
-void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up) {
+void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up, const std::string& otherwise) {
   const auto word = std::make_shared<std::string>();
   app.word("--up", *word,
            "which way is up in a splat file: x, y, z, -x, -y or -z (write --up=-z); of captures it is -y, of Blender z "
-           "(default: what the file says, or -y)")
+           "(default: what the file says, or " +
+               otherwise + ")")
       ->check(CLI::IsMember({"x", "y", "z", "-x", "-y", "-z"}))
       ->each([&up, word](const std::string& name) {
         up = std::array<double, 3>{0, 0, 0};

@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <optional>
+#include <string>
 
 #include "options.hpp"
 
@@ -23,8 +24,9 @@ struct RunOptions {
 /// Options of a run that starts from a finished model, for any purpose.
 void add_finished_model_options(Options& app, compmark::RunSettings& run, RunOptions& options);
 
-/// --up, of splats that are looked at without cameras of their own.
-void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up);
+/// --up, of splats that are looked at without cameras of their own; `otherwise` is taken where neither this nor the file
+/// says it.
+void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up, const std::string& otherwise = "-y");
 
 /// --recipient, of a key with recipients.
 void add_recipient(Options& app, std::size_t& recipient);

@@ -8,6 +8,7 @@
 
 #include "common.hpp"
 #include "run_folder.hpp"
+#include "run_options.hpp"
 
 namespace tool {
 
@@ -28,6 +29,7 @@ void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& opti
       ->capture_default_str();
   app.flag("--mirrored", options->mirrored,
            "the images may have been mirrored: read them both ways, which counts as two tests");
+  add_splat_up(app, options->reading.up, "any of these six");
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.reads("--claim", options->proof.claim, InputKind::claim,
             "the claim that was published before others had the scene (compmark claim)");
@@ -56,6 +58,13 @@ Result<Verified> verify_by(const VerifyOptions& options, const ComparedObserver&
   ThreadExecutor executor(options.reading.threads);
   tell_threads(executor, options.reading.threads);
   const ReadingSettings reading = reading_settings(options.reading);
+  if (reading.up && (!reading.model.empty() || reading.unmarked.empty())) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--up",
+                 "is given, and no camera is looked for in an unmarked splat file",
+                 "leave it out, or give --images and --unmarked"};
+  }
   if (reading.model.empty() && !reading.unmarked.empty()) {
     if (!reading.interference.empty()) {
       return Error{ErrorKind::invalid, reading.interference.string(), "--interference",

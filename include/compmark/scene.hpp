@@ -121,6 +121,7 @@
 #include "compmark/scene/transforms_split.hpp"
 #include "compmark/scene/turn.hpp"
 #include "compmark/scene/undistort.hpp"
+#include "compmark/scene/up_axes.hpp"
 #include "compmark/scene/value_noise.hpp"
 #include "compmark/scene/view_reader.hpp"
 #include "compmark/scene/views_around.hpp"

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <array>
+#include <cmath>
 #include <compmark/app/export.hpp>
 #include <compmark/io/anchor_ply.hpp>
 #include <compmark/io/atomic_file.hpp>
@@ -9,10 +11,12 @@
 #include <compmark/io/splat/write_splat.hpp>
 #include <compmark/io/splat_ply.hpp>
 #include <compmark/recipes/scaffold.hpp>
+#include <compmark/scene/up_axes.hpp>
 #include <compmark/splat/export/bake.hpp>
 #include <compmark/splat/training/model_file.hpp>
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -71,8 +75,18 @@ TEST_CASE("app/export: the splats of one view are those of the pipeline's bake, 
   if (!report) FAIL(report.error().line());
   const SplatTable table = bake_at_camera(testing::small_model<recipes::Scaffold>(), testing::ring_camera(1, 3, 40, 32),
                                           unseen_view, files.executor);
-  REQUIRE(write_splat_ply(files.typed, table).ok());
+  // The file says which way is up in the cameras of the model.
+  std::vector<Camera<double>> cameras;
+  for (const StoredView& view : testing::small_info("scaffold").views) cameras.push_back(view.camera);
+  const std::optional<std::array<double, 3>> up = up_of_cameras(cameras);
+  REQUIRE(up.has_value());
+  const std::vector<std::string> comments{splat_up_comment(*up)};
+  REQUIRE(write_splat_ply(files.typed, table, comments).ok());
   CHECK(*read_file(files.out) == *read_file(files.typed));
+  const Result<SplatFile> read = read_splat(files.out);
+  REQUIRE(read.ok());
+  REQUIRE(read->up.has_value());
+  for (std::size_t axis = 0; axis < 3; ++axis) CHECK(std::abs((*read->up)[axis] - (*up)[axis]) < 1e-8);
   CHECK(report->gaussians == static_cast<std::size_t>(table.count));
   REQUIRE(report->compared.has_value());
   CHECK(report->compared_views == std::vector<std::string>{"view 1"});

@@ -5,11 +5,13 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <compmark/app/any_model.hpp>
 #include <compmark/app/export.hpp>
 #include <compmark/io/read_file.hpp>
 #include <compmark/io/splat/read_splat.hpp>
+#include <compmark/io/splat_ply.hpp>
 #include <compmark/scene/splat_table.hpp>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -103,6 +105,21 @@ TEST_CASE("app/splat_model: a splat file opens as a model of explicit Gaussians,
     }
   }
   CHECK(change < 1e-5);
+  // Nobody knows which way is up, so the file does not say it. Where its own file said it, it does.
+  CHECK_FALSE(written->up.has_value());
+  const std::vector<std::string> comments{splat_up_comment({0, 0, 1})};
+  const fs::path told = folder.path / "told.ply", packed = folder.path / "told.compressed.ply";
+  REQUIRE(write_splat_ply(told, table, comments).ok());
+  Result<AnyModel> upright = AnyModel::open(told, executor);
+  REQUIRE(upright.ok());
+  ExportSettings plain;
+  plain.compare = 0;
+  for (const fs::path& out : {again, packed}) {
+    REQUIRE(export_model(*upright, out, plain, executor).ok());
+    const Result<SplatFile> said = read_splat(out);
+    REQUIRE(said.ok());
+    CHECK(said->up == std::array<double, 3>{0, 0, 1});
+  }
   // A page of it is upright where its cameras are, and knows them.
   settings.kind = ExportKind::page;
   const fs::path page = folder.path / "page.html";

@@ -60,6 +60,7 @@ struct ReadingSettings : PictureSettings {
   std::filesystem::path decoder;
   std::filesystem::path model;                ///< or images
   std::filesystem::path unmarked;             ///< of the model: what it says by itself is subtracted; may be empty
+  std::optional<std::array<double, 3>> up;    ///< of an unmarked splat file (RegisterSettings::up)
   std::filesystem::path interference;         ///< of the unmarked scene (interference.hpp): subtracted; may be empty
   std::vector<std::filesystem::path> images;  ///< files and folders
   std::vector<GivenPicture> pictures;         ///< in memory, read after the files, all of them

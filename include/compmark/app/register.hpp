@@ -13,39 +13,24 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "compmark/app/any_model.hpp"
+#include "compmark/app/register_places.hpp"
 #include "compmark/app/register_render.hpp"
 #include "compmark/core/config.hpp"
-#include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/core/views.hpp"
-#include "compmark/math/area_resize.hpp"
 #include "compmark/math/mirror.hpp"
 #include "compmark/scene/camera.hpp"
-#include "compmark/scene/orbit_view.hpp"
 #include "compmark/scene/register/camera_fit.hpp"
 #include "compmark/scene/register/camera_search.hpp"
 
 namespace compmark {
-
-/// Likeness from which a picture is of the scene: docs/registration.md says how it was chosen.
-inline constexpr double found_likeness = 0.45;
-
-struct RegisterSettings {
-  std::size_t places = 300;        ///< cameras that a picture is compared with: the model's, then drawn ones
-  std::uint64_t seed = 0;          ///< of the drawn ones
-  std::size_t candidates = 4;      ///< of the places, that are fitted at the smallest size at most
-  int finest = 400;                ///< longest side at which the picture is fitted last, pixels
-  bool mirrored = false;           ///< look at the mirrored picture as well
-  double enough = found_likeness;  ///< likeness from which a picture is of the scene
-};
 
 /// Where a picture was taken.
 struct Registration {
@@ -60,21 +45,6 @@ struct Registration {
 };
 
 namespace detail {
-
-/// A picture that was made smaller, to at most `longest` pixels a side.
-struct RegisterPicture {
-  std::vector<float> values;
-  ImageView<float> view;
-
-  RegisterPicture(ImageView<const float> picture, int longest, ThreadExecutor& executor) {
-    const double scale = std::min(1.0, static_cast<double>(longest) / std::max(picture.width, picture.height));
-    const int width = std::max(1, static_cast<int>(std::lround(scale * picture.width))),
-              height = std::max(1, static_cast<int>(std::lround(scale * picture.height)));
-    values.resize(3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-    view = {values.data(), 3, height, width};
-    AreaResize<float>().forward(picture, view, executor);
-  }
-};
 
 [[nodiscard]] inline double register_native_focal(const AnyModel& model) {
   std::vector<double> focal;
@@ -127,31 +97,6 @@ struct RegisterPicture {
 
 }  // namespace detail
 
-/// The places of a model that pictures are compared with. Error: the model has no stored cameras, or one of
-/// AnyModel::render.
-[[nodiscard]] inline Result<std::vector<SearchPlace>> register_places(AnyModel& model, const RegisterSettings& settings,
-                                                                      ThreadExecutor& executor) {
-  const std::vector<StoredView>& views = model.info().views;
-  if (views.empty())
-    return Error{ErrorKind::unsupported, model.file().string(), "camera.table",
-                 "the model stores no cameras, so there is nowhere to begin to look for one", "give a trained model"};
-  const auto cameras = [&](std::size_t i) { return views[i].camera; };
-  std::vector<SearchPlace> places;
-  FieldTransform transform;
-  for (std::size_t i = 0; i < std::max(settings.places, views.size()); ++i) {
-    const Camera<double> camera =
-        i < views.size() ? views[i].camera
-                         : orbit_view_camera(cameras, views.size(), i % views.size(),
-                                             Random(settings.seed, i, random_stage("app/register_places")));
-    const Camera<double> small = search_camera(camera);
-    const Result<RenderedView> render = model.render(small.resized(3 * small.width, 3 * small.height), executor);
-    if (!render) return render.error();
-    const detail::RegisterPicture shrunk(render->image, std::max(small.width, small.height), executor);
-    places.push_back(search_place(camera, shrunk.view, transform));
-  }
-  return places;
-}
-
 /// The least side of a picture whose camera is looked for, pixels.
 inline constexpr int register_least_side = 32;
 
@@ -178,7 +123,7 @@ inline constexpr int register_least_side = 32;
   }
   struct Candidate {
     CameraFit fit;
-    std::size_t side;
+    std::size_t side, group;
   };
   detail::RegisterRender render(model, detail::register_native_focal(model), executor);
   bool failed = false;
@@ -190,21 +135,27 @@ inline constexpr int register_least_side = 32;
     };
     return Candidate{
         fit_camera(small.view, from.fit.camera.resized(small.view.width, small.view.height), fit, draw, executor),
-        from.side};
+        from.side, from.group};
   };
   const auto by_likeness = [](const Candidate& a, const Candidate& b) { return a.fit.likeness > b.fit.likeness; };
 
   std::vector<Candidate> candidates;
   for (std::size_t side = 0; side < (settings.mirrored ? 2 : 1); ++side) {
-    for (const SearchMatch& match :
-         search_cameras(places, sides[side], SearchSettings{}, settings.candidates, executor)) {
-      candidates.push_back({{}, side});
+    for (const SearchMatch& match : search_cameras(places, sides[side], SearchSettings{}, places.size(), executor)) {
+      candidates.push_back({{}, side, places[match.place].group});
       candidates.back().fit.camera = match.camera;
       candidates.back().fit.likeness = match.likeness;
     }
   }
   std::stable_sort(candidates.begin(), candidates.end(), by_likeness);
-  if (candidates.size() > settings.candidates) candidates.resize(settings.candidates);
+  // The best of each group: those of wrong assumptions are more, and would crowd out the right ones.
+  std::vector<std::size_t> taken;
+  std::vector<Candidate> kept;
+  for (Candidate& candidate : candidates) {
+    taken.resize(std::max(taken.size(), candidate.group + 1));
+    if (taken[candidate.group]++ < settings.candidates) kept.push_back(std::move(candidate));
+  }
+  candidates = std::move(kept);
   if (candidates.empty()) return Registration{};
 
   // In order of likeness, until one is certain; then the best two at twice the size.

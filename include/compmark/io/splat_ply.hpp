@@ -107,11 +107,13 @@ namespace detail {
 
 }  // namespace detail
 
-/// A comment of a splat PLY that says which direction is up, so that who reads it looks at it upright.
+/// A comment of a splat PLY that says which direction, of length 1, is up, so that who reads it looks at it upright.
 [[nodiscard]] inline std::string splat_up_comment(const std::array<double, 3>& up) {
   std::ostringstream text;
   text.imbue(std::locale::classic());
-  text << "compmark up " << up[0] << ' ' << up[1] << ' ' << up[2];
+  text.precision(9);
+  text << "compmark up";
+  for (const double x : up) text << ' ' << std::round(1e9 * x) / 1e9 + 0.0;  // an axis without its rounding, and no -0
   return text.str();
 }
 

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -27,6 +28,7 @@
 #include "compmark/io/splat/write_splat.hpp"
 #include "compmark/scene/image_store.hpp"
 #include "compmark/scene/open.hpp"
+#include "compmark/scene/up_axes.hpp"
 #include "compmark/splat/export/explicit_splats.hpp"
 
 namespace compmark {
@@ -200,16 +202,21 @@ template <class R>
   ViewerPage page;
   page.title = of.out.stem().string();
   page.near_plane = near_plane * info.unit;
-  std::array<double, 3> up{};
   for (const StoredView& view : info.views) {
     Camera<double>& camera = page.cameras.emplace_back(view.camera);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      camera.center_world[axis] *= info.unit;
-      up[axis] -= camera.rotation_camera_world[3 + axis];
-    }
+    for (double& x : camera.center_world) x *= info.unit;
   }
-  page.up = unit(up).value_or(usual_up);
+  page.up = up_of_cameras(page.cameras).value_or(usual_up);
   return write_viewer_page(of.out, table, page);
+}
+
+/// What is up in the cameras of a model, for who reads the file. Nothing where nobody knows: where the cameras were made
+/// up round splats, and their file did not say it.
+[[nodiscard]] inline std::optional<std::array<double, 3>> known_up(const ModelInfo& info) {
+  if (info.profile == splats_profile) return info.up;
+  std::vector<Camera<double>> cameras;
+  for (const StoredView& view : info.views) cameras.push_back(view.camera);
+  return up_of_cameras(cameras);
 }
 
 template <class R>
@@ -280,6 +287,7 @@ template <class R>
     if (const Result<Done> written = write_page(of, in_file, info, model.render.near_plane); !written)
       return written.error();
   } else {
+    if (const std::optional<std::array<double, 3>> up = known_up(info)) file.comments.push_back(splat_up_comment(*up));
     Result<SplatWritten> written = write_splat(of.out, in_file, file, executor);
     if (!written) return written.error();
     report.written = std::move(*written);

@@ -163,6 +163,7 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   if (!spread) return of_model(spread.error());
   RegisterSettings registration;
   registration.mirrored = reading.mirrored;
+  registration.up = reading.up;
   const Result<std::vector<SearchPlace>> places = register_places(*model, registration, executor);
   if (!places) return of_model(places.error());
   Result<std::vector<std::filesystem::path>> files = image_files(reading.images);

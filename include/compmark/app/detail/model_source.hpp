@@ -81,7 +81,8 @@ template <class R>
   if (!model) return model.error();
   LoadedModel<R> loaded{std::move(*model), {}};
   loaded.info.recipe = "explicit";
-  loaded.info.profile = "splats";
+  loaded.info.profile = splats_profile;
+  loaded.info.up = file.up;
   ViewsAround around;
   around.up = file.up.value_or(usual_up);
   for (const Camera<double>& camera : cameras_around(bulk, around)) {

@@ -15,6 +15,7 @@
 
 #include "compmark/app/detail/any_model.hpp"
 #include "compmark/app/detail/files.hpp"
+#include "compmark/app/register_places.hpp"
 #include "compmark/app/spread.hpp"
 #include "compmark/metric/psnr.hpp"
 #include "compmark/watermark/spread/spread_residual.hpp"
@@ -22,13 +23,22 @@
 namespace compmark {
 namespace detail {
 
-/// The training views of a model, evenly spaced, or all it has where it has no others.
+/// The training views of a model, evenly spaced, or all it has where it has no others. Of splats that came without
+/// cameras, whose file does not say which way is up, some about each of the six axes. It is the model's file alone that
+/// says so, never who reads: marking and reading must look from the same places.
 inline std::vector<StoredView> spread_views(const ModelInfo& info, std::size_t count) {
   std::vector<StoredView> views;
   for (const StoredView& view : info.views) {
     if (!view.test) views.push_back(view);
   }
   if (views.empty()) views = info.views;
+  const std::vector<std::vector<Camera<double>>> groups = register_groups(info);
+  if (groups.size() > 1) {
+    views.clear();
+    for (const std::vector<Camera<double>>& group : groups) {
+      for (const Camera<double>& camera : group) views.push_back({{}, false, camera, {}});
+    }
+  }
   keep_evenly(views, count);
   return views;
 }

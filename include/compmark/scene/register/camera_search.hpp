@@ -30,6 +30,7 @@ namespace compmark {
 struct SearchPlace {
   Camera<double> camera;  ///< as it was given, at its own size
   ComplexField field;
+  std::size_t group = 0;  ///< of places that were made on one assumption, such as which way is up
 };
 
 struct SearchSettings {
@@ -110,8 +111,10 @@ namespace detail {
 template <class T>
 [[nodiscard]] SearchPlace search_place(const Camera<double>& camera, ImageView<const float> render,
                                        BasicFieldTransform<T>& transform) {
-  SearchPlace place{camera, gradient_field(detail::grey_of(render), {}, render.width, render.height,
-                                           (field_side - render.width) / 2, (field_side - render.height) / 2)};
+  SearchPlace place{camera,
+                    gradient_field(detail::grey_of(render), {}, render.width, render.height,
+                                   (field_side - render.width) / 2, (field_side - render.height) / 2),
+                    0};
   transform.forward(place.field);
   return place;
 }

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -28,6 +29,9 @@
 
 namespace compmark {
 
+/// ModelInfo::profile of splats that came without cameras: those of the model were made up round them.
+inline constexpr const char* splats_profile = "splats";
+
 /// Where a model comes from.
 struct ModelInfo {
   std::string recipe;
@@ -39,6 +43,7 @@ struct ModelInfo {
   /// Plus `unit` times a position of the model is one in the dataset's files (Dataset::origin, Dataset::unit).
   std::array<double, 3> origin{0, 0, 0};
   double unit = 1;
+  std::optional<std::array<double, 3>> up;         ///< of length 1: of splats without cameras, where their file says it
   std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, scales and offsets, with an entropy model
 };
 
@@ -92,6 +97,7 @@ template <class Json = nlohmann::json>
   json["views"] = views;
   if (info.origin != std::array<double, 3>{0, 0, 0}) json["origin"] = info.origin;
   if (info.unit != 1) json["unit"] = info.unit;
+  if (info.up) json["up"] = *info.up;
   if (model.coded) json["base_step"] = info.base_step;
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -151,6 +157,7 @@ template <class Json>
     info.effects = json.at("effects").template get<std::vector<std::string>>();
     if (json.contains("origin")) info.origin = json["origin"].template get<std::array<double, 3>>();
     if (json.contains("unit")) info.unit = json["unit"].template get<double>();
+    if (json.contains("up")) info.up = json["up"].template get<std::array<double, 3>>();
     if (json.contains("base_step")) info.base_step = json["base_step"].template get<std::array<double, 3>>();
     for (const Json& view : json.at("views")) {
       StoredView stored;
@@ -166,6 +173,8 @@ template <class Json>
   }
   if (!(info.unit > 0) || !std::isfinite(info.unit))
     return model_error(file, "__metadata__.info.unit", "is not a positive number");
+  if (info.up && !(std::abs(std::hypot((*info.up)[0], (*info.up)[1], (*info.up)[2]) - 1) < 1e-6))
+    return model_error(file, "__metadata__.info.up", "is not a direction of length 1");
   for (const double step : info.base_step) {
     if (!(step > 0)) return model_error(file, "__metadata__.info.base_step", "is not positive");
   }
