@@ -18,9 +18,8 @@ using namespace compmark;
 namespace {
 
 constexpr const char* unread_mark =
-    "the mark cannot be read yet: more --mark-iterations (--iterations of embed), or a lower --fidelity; do not "
-    "publish "
-    "this model\n";
+    "the mark cannot be read yet: more --mark-iterations (--iterations of embed), or a lower --fidelity; do not"
+    " publish this model\n";
 
 }  // namespace
 
