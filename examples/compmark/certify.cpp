@@ -89,6 +89,12 @@ std::vector<std::string> files_beside(const Certify& options) {
   return names;
 }
 
+/// As --up has it.
+std::string axis_word(const std::array<double, 3>& up) {
+  const std::size_t axis = up[0] != 0 ? 0 : up[1] != 0 ? 1 : 2;
+  return (up[axis] < 0 ? "-" : "") + std::string(1, "xyz"[axis]);
+}
+
 /// The line that repeats the verification in the folder. What the folder does not have is named by its file alone.
 std::string command_line(const Certify& options) {
   const auto file = [](const fs::path& path) { return path.filename().string(); };
@@ -103,6 +109,7 @@ std::string command_line(const Certify& options) {
   if (reading.behind != "black") line += " --background " + reading.behind;
   if (reading.whole_images) line += " --whole-images";
   if (options.mirrored) line += " --mirrored";
+  if (reading.up) line += " --up=" + axis_word(*reading.up);
   if (!options.proof.claim.empty()) line += " --claim owner.claim";
   if (!options.proof.time_stamp.empty()) line += " --time-stamp owner.tsr";
   if (options.any_decoder) line += " --any-decoder";

@@ -55,10 +55,10 @@ int claim(ClaimOptions& options) {
       "time-stamping authority "
       "answers\n  openssl ts -query -data %s -sha256 -cert -out request.tsq\n"
       "and its answer, if there is one, is --time-stamp ANSWER when you verify.\n"
-      "next: compmark %s --key %s%s\n"
+      "next: %scompmark %s --key %s%s\n"
       "then: compmark verify --images PICTURES --key %s%s%s --claim %s\n",
-      file.c_str(), marks.c_str(), key_file.c_str(), decoder.c_str(), key_file.c_str(), decoder.c_str(),
-      subtracts.c_str(), file.c_str());
+      file.c_str(), options.unmarked.empty() ? "" : "unless it is marked already, ", marks.c_str(), key_file.c_str(),
+      decoder.c_str(), key_file.c_str(), decoder.c_str(), subtracts.c_str(), file.c_str());
   return success;
 }
 

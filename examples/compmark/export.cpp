@@ -185,8 +185,8 @@ Command add_export(Options& app) {
   return [options, &app]() -> int {
     for (const char* name : {"--spz-bits", "--spz-version"}) {
       if (app.count(name) != 0 && !writes_spz(*options)) {
-        return fail(Error{ErrorKind::invalid, options->out.string(), name, "is of SPZ files, and this is to be another",
-                          "leave it out, or end --out in .spz"});
+        return fail(Error{ErrorKind::invalid, options->out.string(), name,
+                          "is for SPZ files, and --out names another format", "leave it out, or end --out in .spz"});
       }
     }
     if (options->kind == "anchors") options->settings.kind = ExportKind::anchors;

@@ -45,8 +45,8 @@ Command add_keygen(Options& app) {
              "copies that have messages of their own: half of the bits are the same in all and prove the owner, the"
              " others name whose copy leaked; mark each with embed --recipient J (at most 16,777 with 48 bits)");
   app.reads("--from", options->from, InputKind::key,
-            "use the secret of this key: one key then reads the payloads of all, but see "
-            "docs/verification.md; or, with --recipients, a key of more recipients");
+            "use the secret of this key, which has a payload of the same --bits and --corrects: one key then reads the "
+            "payloads of all, but see docs/verification.md; or, with --recipients, a key of more recipients");
   app.reads("--decoder", options->decoder, InputKind::decoder,
             "bind the key to this decoder: its marks are read with this file alone, and a decoder of your own is then a"
             " proof as those are that come with the program");

@@ -192,8 +192,10 @@ Command add_register(Options& app) {
   app.number("--memory-budget", options->memory_budget_mb, WholeRange{1, 1 << 24},
              "MiB of memory for reading one image; larger ones are refused before they are decoded")
       ->capture_default_str();
-  app.number("--places", options->settings.places, WholeRange{1, 5000},
-             "cameras that a picture is compared with: the model's, then drawn ones between and beyond")
+  app.number(
+         "--places", options->settings.places, WholeRange{1, 5000},
+         "cameras that a picture is compared with: the model's, then drawn ones between and beyond (of splats whose up "
+         "nobody said, a third of that about each of six axes)")
       ->capture_default_str();
   add_splat_up(app, options->settings.up, "any of these six");
   app.number("--seed", options->settings.seed, any_seed, "seed of the drawn ones")->capture_default_str();

@@ -185,9 +185,8 @@ void bind_options(Options& app, EmbedOptions& options) {
                   "model.cmk and unmarked.cmk, for a splat file marked.ply")
       ->required();
   app.number("--iterations", options.settings.iterations, run_length,
-             "iterations of the run (default: 2000 with the decoder of the program, and in a model without a codec; in "
-             "one for "
-             "a codec 4000 with a decoder that is fitted to the scene, and 8000 with any other file)");
+             "iterations of the run (default: 2000; in a model for a codec 4000 with a decoder that is fitted to the "
+             "scene, and 8000 with any other file than the program's)");
   add_finished_model_options(app, options.settings, options.run);
   add_splat_up(app, options.settings.splat_up);
   add_mark_options(app, options.settings.mark, true);

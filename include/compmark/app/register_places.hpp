@@ -73,7 +73,7 @@ struct RegisterPicture {
     const ModelInfo& info, const std::optional<std::array<double, 3>>& up = {}) {
   std::vector<Camera<double>> stored;
   for (const StoredView& view : info.views) stored.push_back(view.camera);
-  if (info.profile != splats_profile) return {std::move(stored)};
+  if (!cameras_are_made_up(info)) return {std::move(stored)};
   if (up) return {cameras_turned_up(stored, *up)};
   if (info.up) return {std::move(stored)};
   std::vector<std::vector<Camera<double>>> groups;
@@ -84,7 +84,7 @@ struct RegisterPicture {
 }  // namespace detail
 
 /// The places of a model that pictures are compared with: RegisterSettings::places of them, or as many as the model has
-/// cameras; of splats of which nobody says what is up a third of that about each of six axes, twice as many in all. Error: the model has no stored cameras; RegisterSettings::up
+/// cameras; of splats whose up nobody said, a third of them about each of six axes. Error: the model has no stored cameras; RegisterSettings::up
 /// is none, or the model has cameras of its own; one of AnyModel::render. Cost: a render of 144 pixels and its transform
 /// a place.
 [[nodiscard]] inline Result<std::vector<SearchPlace>> register_places(AnyModel& model, const RegisterSettings& settings,
@@ -95,11 +95,12 @@ struct RegisterPicture {
   std::optional<std::array<double, 3>> up;
   if (settings.up) {
     up = detail::unit(*settings.up);
-    const bool of_splats = model.info().profile == splats_profile;
+    const bool of_splats = cameras_are_made_up(model.info());
     if (!up || !of_splats) {
-      return Error{ErrorKind::invalid, model.file().string(), "--up",
-                   of_splats ? "is no direction" : "is given, and the model has cameras of its own, which say it",
-                   of_splats ? "give x, y, z, -x, -y or -z" : "leave it out: it is for splat files"};
+      return Error{
+          ErrorKind::invalid, model.file().string(), "--up",
+          of_splats ? "is no direction" : "is given, and the model has cameras of its own, which say it",
+          of_splats ? "give x, y, z, -x, -y or -z" : "leave it out: it is for splat files and what was made of them"};
     }
   }
   std::vector<SearchPlace> places;

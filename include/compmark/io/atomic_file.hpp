@@ -109,13 +109,12 @@ class AtomicFile {
       if (const int closed = stream_.close(); failure_ == 0) failure_ = closed;
     }
     // The lock is held until the name is exchanged: nobody takes the finished file for a stale one.
-    if (failure_ == 0 && replaces) {
-      failure_ = only_new ? take_new_name() : take_name();
-    }
+    if (failure_ == 0 && replaces) failure_ = only_new ? take_new_name() : take_name();
     if (const int closed = stream_.close(); failure_ == 0) failure_ = closed;
     if (failure_ == 0) return Done{};
     const int failure = failure_;
     discard();
+    if (failure == EEXIST && only_new) return error("exists already", "choose another name");
     if (failure == EPIPE)
       return error("its reader has gone (closed pipe)", "keep the reader open until the program ends");
     return error(std::string("cannot be written: ") + std::strerror(failure),
@@ -139,7 +138,8 @@ class AtomicFile {
       return 0;
     }
     if (status == std::errc::file_exists) return EEXIST;
-    return std::filesystem::exists(target_.path, status) || status ? EEXIST : take_name();
+    const bool there = std::filesystem::exists(target_.path, status);
+    return status ? status.value() : there ? EEXIST : take_name();
   }
 
   AtomicFile(std::filesystem::path path, OutputTarget target) : path_(std::move(path)), target_(std::move(target)) {}

@@ -23,7 +23,6 @@
 #include <string>
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "compmark/core/config.hpp"
 #include "compmark/core/result.hpp"
@@ -122,35 +121,49 @@ class OwnerKey {
   /// a secret costs what a secret does; as salt a label and, from version 5 on, message length, `corrects` (4 bytes each)
   /// and whether there are recipients (1 byte), so that each of those costs as much.
   struct RootInput {
-    std::vector<std::byte> secret, salt;
-    unsigned hardness;
+    std::array<std::byte, 64> secret_bytes{};
+    std::array<std::byte, 32> salt_bytes{};
+    std::size_t secret_size = 0, salt_size = 0;
+    unsigned hardness = 0;
+
+    void add_secret(ByteSpan bytes) { add(secret_bytes, secret_size, bytes); }
+    void add_salt(ByteSpan bytes) { add(salt_bytes, salt_size, bytes); }
+    [[nodiscard]] ByteSpan secret() const { return ByteSpan(secret_bytes).first(secret_size); }
+    [[nodiscard]] ByteSpan salt() const { return ByteSpan(salt_bytes).first(salt_size); }
     [[nodiscard]] Digest256 digest() const {
-      return sha256_digest({four_bytes(hardness), four_bytes(secret.size()), secret, salt});
+      return sha256_digest({four_bytes(hardness), four_bytes(secret_size), secret(), salt()});
     }
     [[nodiscard]] Digest256 root() const {
       Digest256 root{};
-      scrypt(secret, salt, ScryptCost{hardness, 8, 1}, root);
+      scrypt(secret(), salt(), ScryptCost{hardness, 8, 1}, root);
       return root;
+    }
+
+   private:
+    static void add(std::span<std::byte> to, std::size_t& size, ByteSpan bytes) {
+      std::copy(bytes.begin(), bytes.end(), to.begin() + static_cast<std::ptrdiff_t>(size));
+      size += bytes.size();
     }
   };
   [[nodiscard]] RootInput root_input() const {
-    RootInput input{{secret.begin(), secret.end()}, {}, hardness};
-    const auto add = [&](ByteSpan bytes) { input.salt.insert(input.salt.end(), bytes.begin(), bytes.end()); };
+    RootInput input;
+    input.hardness = hardness;
+    input.add_secret(secret);
     if (!decoder.empty()) {
       Digest256 digest{};
       const bool known = from_hex(decoder, digest);
       COMPMARK_ASSERT(known, "OwnerKey: the decoder is the 64 digits of a SHA-256");
       // Other text than digits, where nothing asserts: another root, and that of no decoder.
       if (!known) digest = sha256_digest({bytes_of(decoder)});
-      input.secret.insert(input.secret.end(), digest.begin(), digest.end());
+      input.add_secret(digest);
     }
     if (before_version_5) {
-      add(bytes_of(decoder.empty() ? "compmark/key/v2" : "compmark/key/v3"));
+      input.add_salt(bytes_of(decoder.empty() ? "compmark/key/v2" : "compmark/key/v3"));
     } else {
-      add(bytes_of("compmark/key/v5"));
-      add(four_bytes(bits));
-      add(four_bytes(corrects));
-      input.salt.push_back(std::byte{recipients != 0});
+      input.add_salt(bytes_of("compmark/key/v5"));
+      input.add_salt(four_bytes(bits));
+      input.add_salt(four_bytes(corrects));
+      input.add_salt(std::array<std::byte, 1>{std::byte{recipients != 0}});
     }
     return input;
   }

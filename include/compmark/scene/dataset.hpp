@@ -129,7 +129,7 @@ struct DatasetSettings {
   bool use_point_file = false;  ///< Blender: take points3d.ply, if there, instead of random points
   LensTreatment lens = LensTreatment::undistort;
   /// Of splats, a direction of length 1; not set: what the file says, or -y, as in the captures of the standard PLY.
-  std::optional<std::array<double, 3>> splat_up;
+  std::optional<std::array<double, 3>> splat_up;  ///< up, of splats, of length 1, where somebody says it
   bool masks = true;  ///< take masks (mask_path of a frame, folder masks) where there are any
 };
 

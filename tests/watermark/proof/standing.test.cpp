@@ -183,7 +183,11 @@ TEST_CASE("watermark/proof/standing: a year of one processor core, by the kind o
   key.hardness = 17;
   key.before_version_5 = true;
   CHECK(keys_a_cheat_could_try(key) == doctest::Approx(ways * 1.6 * 31'557'600));
+  key.decoder = std::string(64, 'a');  // bound to one file, which may read any length
+  CHECK(keys_a_cheat_could_try(key) == doctest::Approx(128.0 * 16 * 8 * 1.6 * 31'557'600));
   key.before_version_5 = false;
+  CHECK(keys_a_cheat_could_try(key) == doctest::Approx(1.6 * 31'557'600));
+  key.decoder.clear();
   const double hard = keys_a_cheat_could_try(key);
   CHECK(hard == doctest::Approx(5 * 1.6 * 31'557'600));
   CHECK(hard * std::exp2(-48) < 1e-6);       // all of 48 bits are evidence without a claim

@@ -213,7 +213,7 @@ template <class R>
 /// What is up in the cameras of a model, for who reads the file. Nothing where nobody knows: where the cameras were made
 /// up round splats, and their file did not say it.
 [[nodiscard]] inline std::optional<std::array<double, 3>> known_up(const ModelInfo& info) {
-  if (info.profile == splats_profile) return info.up;
+  if (cameras_are_made_up(info)) return info.up;
   std::vector<Camera<double>> cameras;
   for (const StoredView& view : info.views) cameras.push_back(view.camera);
   return up_of_cameras(cameras);

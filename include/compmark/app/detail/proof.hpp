@@ -14,6 +14,7 @@
 #include "compmark/app/proof.hpp"
 #include "compmark/io/file_kind.hpp"
 #include "compmark/io/read_file.hpp"
+#include "compmark/io/splat/read_splat.hpp"
 #include "compmark/io/time_stamp.hpp"
 #include "compmark/watermark/proof/shipped_decoders.hpp"
 
@@ -26,7 +27,7 @@ COMPMARK_APP_INLINE Result<OwnerClaim> make_claim(const OwnerKey& key, const Cla
     if (!said) return said.error();
   }
   if (const FileKind kind = settings.unmarked.empty() ? FileKind::model : identify_file(settings.unmarked);
-      kind != FileKind::model && kind != FileKind::cmk)
+      kind != FileKind::model && kind != FileKind::cmk && !is_splat_file(settings.unmarked))
     return wrong_kind(kind, settings.unmarked.string(), "a model");
   if (!settings.unmarked.empty()) {  // a damaged one could never be subtracted
     ThreadExecutor alone(1);

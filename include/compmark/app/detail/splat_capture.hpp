@@ -101,9 +101,9 @@ COMPMARK_APP_INLINE Result<Dataset> open_splat_capture(const std::filesystem::pa
   for (const std::string& note : source->splats->notes) dataset.warnings.push_back(file.string() + ": " + note);
   CaptureAround around;
   around.views = splat_views;
-  around.up = settings.splat_up.value_or(source->splats->up.value_or(usual_up));
+  dataset.splat_up = settings.splat_up ? settings.splat_up : source->splats->up;
+  around.up = dataset.splat_up.value_or(usual_up);
   around.width = around.height = scaled_size(splat_picture_size, splat_picture_size, settings.downscale, 0).width;
-  dataset.splat_up = around.up;
   for (const Camera<double>& camera : capture_around(table, around)) {
     View view;
     const std::string number = std::to_string(dataset.views.size());

@@ -201,7 +201,8 @@ template <Recipe R>
   if (coded.feature_dim != shape.feature_dim || coded.offset_count != shape.offsets) {
     return detail::coded_error("META.shape", "is not that of recipe " + info->recipe, "encode the model again");
   }
-  if (const Result<Done> whole = detail::check_codec_model(coded); !whole) return whole.error();
+  if (const Result<Done> whole = detail::check_codec_model(coded); !whole)
+    return detail::coded_error(whole.error().field, whole.error().problem, "encode the model again");
   const auto number = [&](const char* key) -> const double* {
     const auto found = coded.metadata.find(key);
     return found == coded.metadata.end() ? nullptr : std::get_if<double>(&found->second);

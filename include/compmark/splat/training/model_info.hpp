@@ -43,9 +43,15 @@ struct ModelInfo {
   /// Plus `unit` times a position of the model is one in the dataset's files (Dataset::origin, Dataset::unit).
   std::array<double, 3> origin{0, 0, 0};
   double unit = 1;
-  std::optional<std::array<double, 3>> up;         ///< of length 1: of splats without cameras, where their file says it
+  std::optional<std::array<double, 3>> up{};       ///< of length 1: of splats without cameras, where somebody says it
+  bool around_splats = false;                      ///< trained from splats: its cameras were made up round them
   std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, scales and offsets, with an entropy model
 };
+
+/// Whether the cameras of a model are those of no photograph, but were made up round splats.
+[[nodiscard]] inline bool cameras_are_made_up(const ModelInfo& info) {
+  return info.profile == splats_profile || info.around_splats;
+}
 
 namespace detail {
 
@@ -98,6 +104,7 @@ template <class Json = nlohmann::json>
   if (info.origin != std::array<double, 3>{0, 0, 0}) json["origin"] = info.origin;
   if (info.unit != 1) json["unit"] = info.unit;
   if (info.up) json["up"] = *info.up;
+  if (info.around_splats) json["around_splats"] = true;
   if (model.coded) json["base_step"] = info.base_step;
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -158,6 +165,7 @@ template <class Json>
     if (json.contains("origin")) info.origin = json["origin"].template get<std::array<double, 3>>();
     if (json.contains("unit")) info.unit = json["unit"].template get<double>();
     if (json.contains("up")) info.up = json["up"].template get<std::array<double, 3>>();
+    if (json.contains("around_splats")) info.around_splats = json["around_splats"].template get<bool>();
     if (json.contains("base_step")) info.base_step = json["base_step"].template get<std::array<double, 3>>();
     for (const Json& view : json.at("views")) {
       StoredView stored;

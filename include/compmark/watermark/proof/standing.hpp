@@ -57,8 +57,9 @@ inline constexpr double proof_p_limit = 1e-3;
 
 /// How many readings a year of one processor core tries: keys a second (a quick key: six compressions of SHA-256, of
 /// which OpenSSL does 14 million; scrypt at the usual hardness: 1.6 measured, half with each step), each read by every
-/// shipped decoder of its length, and as many messages as a payload has values. Of keys before version 5 one derivation
-/// gives the messages of all lengths, with every code or none, so that all of those are counted.
+/// shipped decoder of its length, or by the one that it is bound to, and as many messages as a payload has values. Of
+/// keys before version 5 one derivation gives the messages of all lengths, with every code or none, so that all of those
+/// are counted.
 template <SecretKey K>
 [[nodiscard]] double keys_a_cheat_could_try(const K& key) {
   constexpr double seconds_a_year = 31'557'600, quick_keys_a_second = 2.4e6, hard_keys_a_second = 1.6;
@@ -67,15 +68,17 @@ template <SecretKey K>
     if (key.hardness != 0)
       tried = seconds_a_year * hard_keys_a_second * std::exp2(17 - static_cast<double>(key.hardness));
   }
-  bool one_length = false;
+  bool one_length = false, one_decoder = false;
+  if constexpr (requires { key.decoder; }) one_decoder = !key.decoder.empty();
   if constexpr (requires { key.version(); }) one_length = key.version() >= 5;
+  const auto decoders = [&](std::size_t bits) { return one_decoder ? 1 : shipped_decoders_reading(bits); };
   if (one_length) {
-    tried *= static_cast<double>(std::max<std::size_t>(1, shipped_decoders_reading(key.bits)));
+    tried *= static_cast<double>(std::max<std::size_t>(1, decoders(key.bits)));
   } else {
     // Any length up to the longest, and codes that correct 1 to 15 bits, or none (ecc.hpp).
     constexpr std::size_t codes = 16;
     std::size_t ways = 0;
-    for (std::size_t bits = 1; bits <= message_bits_limit; ++bits) ways += codes * shipped_decoders_reading(bits);
+    for (std::size_t bits = 1; bits <= message_bits_limit; ++bits) ways += codes * decoders(bits);
     tried *= static_cast<double>(ways);
   }
   // One derivation gives the messages of all copies, and a cheat may say any number N of them afterwards: the best of

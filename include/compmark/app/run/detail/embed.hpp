@@ -242,7 +242,7 @@ class PassingFile {
   settings.mark.identity += digest->substr(0, 16);              // a run is resumed from the same model alone
   if (coded) settings.mark.identity += "networks of the file";  // … and as earlier versions did not train it
   if (baseline) settings.mark.identity += name_of(*plan.method);
-  if (plan.mark.spread) settings.mark.identity += "spread " + detail::exact_text(*plan.mark.spread);
+  if (plan.mark.spread) settings.mark.identity += "spread " + detail::fixed_number(*plan.mark.spread, 6);
   if (coded && own_unmarked) {
     if (Result<Done> held = hold_run(plan); !held) return held.error();
     const std::filesystem::path checkpoint = plan.out / "checkpoint.safetensors";

@@ -37,7 +37,7 @@ namespace compmark::detail {
 }
 
 /// The seed of a fit, from key and model: another owner who marks the same scene gets other waves, and the note of the
-/// decoder names it. It says nothing of the message, which has a label of its own. Keys of version 1 fit with the default.
+/// decoder names it. It says nothing of the message, which has a label of its own. Quick keys fit with the default.
 [[nodiscard]] inline std::optional<std::uint64_t> fit_seed(const OwnerKey& key, const std::string& model_sha256) {
   if (key.hardness == 0) return std::nullopt;
   std::array<std::byte, 6> bytes{};  // a whole number that every reader of JSON keeps

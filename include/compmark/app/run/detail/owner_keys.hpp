@@ -130,9 +130,6 @@ COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, c
   key->hardness = hardness;
   key->decoder = std::move(decoder);
   key->before_version_5 = before_version_5;
-  if (!settings.decoder.empty()) {  // it is one, and reads as many bits
-    if (const Result<FileDecoder> opened = open_decoder(settings.decoder, &*key); !opened) return opened.error();
-  }
   if (settings.recipients != 0) {
     if (!settings.payload.empty()) {
       return Error{ErrorKind::invalid,
@@ -159,6 +156,9 @@ COMPMARK_APP_INLINE Result<MadeKey> make_key_file(const KeySettings& settings, c
                  "give the new key a payload of its own with --payload"};
   }
   key->settle();
+  if (!settings.decoder.empty()) {  // it is one, and reads as many bits
+    if (const Result<FileDecoder> opened = open_decoder(settings.decoder, &*key); !opened) return opened.error();
+  }
   // Of two processes that make the same name at once, the second would replace the first's key, which somebody was told
   // of and nobody has.
   const Result<std::shared_ptr<const void>> alone = hold_file(settings.out);

@@ -121,6 +121,8 @@ struct RunData {
   info.origin = dataset.origin;
   info.unit = dataset.unit;
   info.base_step = {settings.rate.feature_step, settings.rate.scaling_step, settings.rate.offset_step};
+  info.around_splats = dataset.kind == "splats";
+  if (info.around_splats) info.up = dataset.splat_up;
   for (const View& view : dataset.views) info.views.push_back(stored_view(view));
   run->settings = std::move(settings);
   return run;
