@@ -5,6 +5,8 @@
 // mark is read is the business of longer runs (docs/foreign_splats.md, tests/app/run/embed.test.cpp).
 #include <doctest/doctest.h>
 
+#include <compmark/app/files.hpp>
+#include <compmark/io/owner_claim.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/io/splat/read_splat.hpp>
 #include <filesystem>
@@ -82,6 +84,10 @@ TEST_CASE("splats: a mark that single pictures prove is hidden in a splat file t
   const Outcome spread = done("spread --model " + splats.ply.string() + " --key " + splats.key + " --out " +
                               splats.at("marked.safetensors"));
   CHECK(spread.text.find("dB between renders") != std::string::npos);
+  // The next step that is printed: a claim that names the splat file.
+  const std::string claim = splats.at("spread.claim");
+  done("claim --key " + splats.key + " --unmarked " + splats.ply.string() + " --out " + claim);
+  CHECK(read_claim(claim)->unmarked == *file_sha256(splats.ply));
   // A name that says splats would be given to a model.
   for (const char* name : {"wrong.ply", "wrong.SPZ", "wrong.html", "wrong.cmk"}) {
     testing::check_refused(
@@ -103,6 +109,9 @@ TEST_CASE("splats: a model of ours is trained from the renders of a splat file")
   const nlohmann::json results = testing::json_of(splats.at("run/results.json"));
   CHECK(results["test"]["views"] == 16);
   CHECK(results["recipe"] == "scaffold");
+  // Which way is up was guessed: it is not written down as if somebody had said it.
+  done("export --model " + splats.at("run/model.safetensors") + " --out " + splats.at("adopted.ply") + " --compare 0");
+  CHECK_FALSE(read_splat(splats.at("adopted.ply"))->up.has_value());
   // It is evaluated against the same splats, from the same cameras.
   done("evaluate --model " + splats.at("run/model.safetensors") + " --data " + splats.ply.string() + " --downscale 16");
   testing::check_refused(tool("adopt --splat " + splats.folder.path.string() + " --out " + splats.at("no")),
