@@ -395,9 +395,9 @@ TEST_CASE("options: what would change nothing is refused where somebody gives it
   for (const std::string words : {"--spz-bits 9", "--spz-version 3"}) {
     const std::string option = words.substr(0, words.find(' '));
     check_refused(tool("export --model " + model + " --out " + place.at("a.ply") + " " + words),
-                  {"a.ply", option, "is of SPZ files"});
+                  {"a.ply", option, "is for SPZ files"});
     // The control: of an SPZ file it is the model that is looked at.
-    CHECK(tool("export --model " + model + " --out " + place.at("a.spz") + " " + words).text.find("is of SPZ files") ==
+    CHECK(tool("export --model " + model + " --out " + place.at("a.spz") + " " + words).text.find("is for SPZ files") ==
           std::string::npos);
   }
   fs::remove(place.folder / "model.safetensors");
