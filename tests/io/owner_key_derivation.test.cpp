@@ -37,17 +37,23 @@ std::array<std::byte, 32> derived(const OwnerKey& key) {
   return bytes;
 }
 
-}  // namespace
-
-TEST_CASE("io/owner_key_derivation: a bound key derives from secret and decoder together, as the documentation says") {
-  const OwnerKey key = bound_before('a');
-  CHECK(key.version() == 3);
+/// Of the secret and the decoder of 32 bytes aa, by scrypt alone.
+Digest256 root_by_hand(const std::string& salt) {
   std::array<std::byte, 64> both{};
   const Digest256 start = secret();
   std::copy(start.begin(), start.end(), both.begin());
   std::fill(both.begin() + 32, both.end(), std::byte{0xaa});
   Digest256 root{};
-  scrypt(both, bytes_of("compmark/key/v3"), {10, 8, 1}, root);
+  scrypt(both, bytes_of(salt), {10, 8, 1}, root);
+  return root;
+}
+
+}  // namespace
+
+TEST_CASE("io/owner_key_derivation: a bound key derives from secret and decoder together, as the documentation says") {
+  const OwnerKey key = bound_before('a');
+  CHECK(key.version() == 3);
+  const Digest256 root = root_by_hand("compmark/key/v3");
   CHECK(key.root() == root);
   std::array<std::byte, 32> direct{};
   hkdf_sha256(root, bytes_of("compmark"), bytes_of("compmark/message/v1"), direct);
@@ -89,13 +95,7 @@ TEST_CASE(
   OwnerKey key = bound('a');
   CHECK(key.version() == 5);
   // As the documentation says: the label, 48 and 0 in four bytes each, and no recipients.
-  std::array<std::byte, 64> both{};
-  const Digest256 start = secret();
-  std::copy(start.begin(), start.end(), both.begin());
-  std::fill(both.begin() + 32, both.end(), std::byte{0xaa});
-  Digest256 root{};
-  scrypt(both, bytes_of(std::string("compmark/key/v5") + std::string("\0\0\0\x30\0\0\0\0\0", 9)), {10, 8, 1}, root);
-  CHECK(key.root() == root);
+  CHECK(key.root() == root_by_hand(std::string("compmark/key/v5") + std::string("\0\0\0\x30\0\0\0\0\0", 9)));
   std::array<OwnerKey, 5> keys{key, key, key, key, bound_before('a')};
   keys[1].bits = 47;
   keys[2].corrects = 4, keys[2].payload = "5eed";

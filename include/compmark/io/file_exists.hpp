@@ -8,8 +8,6 @@
 #include <filesystem>
 #include <system_error>
 
-#include "compmark/version.hpp"
-
 namespace compmark::detail {
 
 /// A file, a folder or anything else of this name.

@@ -8,8 +8,6 @@
 #include <cmath>
 #include <cstdint>
 
-#include "compmark/version.hpp"
-
 namespace compmark::detail {
 
 /// IEEE binary16 to binary32, exact.

@@ -10,8 +10,6 @@
 #include <string>
 #include <system_error>
 
-#include "compmark/version.hpp"
-
 namespace compmark::detail {
 
 /// The shortest text that reads back as this number.

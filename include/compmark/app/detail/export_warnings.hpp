@@ -6,12 +6,11 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cstdio>
 #include <string>
 #include <type_traits>
 #include <vector>
 
+#include "compmark/io/number_text.hpp"
 #include "compmark/io/splat/splat_file.hpp"
 #include "compmark/splat/export/explicit_splats.hpp"
 #include "compmark/splat/training/model.hpp"
@@ -40,15 +39,8 @@ template <class R>
 template <class R>
 std::vector<std::string> export_warnings(const Model<R>& model, const ModelInfo& info, bool told) {
   std::vector<std::string> warnings;
-  const auto number = [](double x) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%g", x);
-    return std::string(text);
-  };
-  const auto exact = [](double x) {  // the shortest text that is read back as x: the export is put back by it
-    std::array<char, 32> text{};
-    return std::string(text.data(), std::to_chars(text.data(), text.data() + text.size(), x).ptr);
-  };
+  const auto number = [](double x) { return short_number(x, 6); };
+  const auto exact = [](double x) { return exact_text(x); };  // the export is put back by it
   if (draws_filtered<R>()) {
     warnings.push_back("the model was trained with the mip filter (a blur of " + number(model.render.blur_variance) +
                        " pixels^2 that keeps the energy of a splat), " +

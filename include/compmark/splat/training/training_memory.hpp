@@ -12,11 +12,11 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <cstdio>
 #include <string>
 
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/result.hpp"
+#include "compmark/io/number_text.hpp"
 #include "compmark/splat/training/model.hpp"
 #include "compmark/splat/training/recipe.hpp"
 
@@ -49,10 +49,7 @@ inline constexpr double copies_of_parameters = 5;
 inline constexpr double bytes_per_point = 160;
 
 [[nodiscard]] inline std::string gigabytes(double bytes) {
-  char text[32];
-  std::snprintf(text, sizeof text, bytes < 0.995e9 ? "%.0f MB" : "%.1f GB",
-                bytes < 0.995e9 ? bytes / 1e6 : bytes / 1e9);
-  return text;
+  return bytes < 0.995e9 ? fixed_number(bytes / 1e6, 0) + " MB" : fixed_number(bytes / 1e9, 1) + " GB";
 }
 
 /// What the estimate has to know of a recipe: scalars of an anchor and of all networks, and what each costs.

@@ -28,6 +28,7 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/io/number_text.hpp"
 
 namespace compmark {
 
@@ -38,15 +39,6 @@ struct AttackAmount {
   double step =
       0;  ///< strengths are `least` and whole steps above it; 0: any number. What is reported is what is done.
 };
-
-namespace detail {
-/// "0.5", "40": for a message.
-[[nodiscard]] inline std::string shortest_text(double value) {
-  char text[32];
-  const auto [end, status] = std::to_chars(text, text + sizeof(text), value);
-  return status == std::errc() ? std::string(text, end) : std::string("?");
-}
-}  // namespace detail
 
 /// An image of its own size: a crop is smaller.
 struct AttackedPicture {
@@ -126,9 +118,9 @@ template <class List, class Returned, class Use>
         result = Error{ErrorKind::invalid,
                        {},
                        "attack",
-                       "\"" + std::string(text.substr(0, 40)) + "\" has no strength from " +
-                           shortest_text(range.least) + " to " + shortest_text(range.most) +
-                           (range.step > 0 ? " in steps of " + shortest_text(range.step) : ""),
+                       "\"" + std::string(text.substr(0, 40)) + "\" has no strength from " + exact_text(range.least) +
+                           " to " + exact_text(range.most) +
+                           (range.step > 0 ? " in steps of " + exact_text(range.step) : ""),
                        "give " + std::string(range.meaning)};
         return;
       }
