@@ -7,6 +7,7 @@
 #include <compmark/app/files.hpp>
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
+#include <compmark/io/number_text.hpp>
 #include <compmark/io/read_file.hpp>
 #include <compmark/io/sha256.hpp>
 #include <compmark/metric/psnr.hpp>
@@ -26,6 +27,7 @@
 #include "decoder_choice.hpp"
 #include "mark_plot.hpp"
 #include "report.hpp"
+#include "shell_word.hpp"
 #include "verification.hpp"
 
 namespace tool {
@@ -97,7 +99,7 @@ std::string axis_word(const std::array<double, 3>& up) {
 
 /// The line that repeats the verification in the folder. What the folder does not have is named by its file alone.
 std::string command_line(const Certify& options) {
-  const auto file = [](const fs::path& path) { return path.filename().string(); };
+  const auto file = [](const fs::path& path) { return shell_word(path.filename()); };
   const ReadingOptions& reading = options.reading;
   std::string line = "compmark verify --key " + file(options.key);
   if (!is_shipped(reading.decoder)) line += " --decoder " + file(reading.decoder);
@@ -113,9 +115,10 @@ std::string command_line(const Certify& options) {
   if (!options.proof.claim.empty()) line += " --claim owner.claim";
   if (!options.proof.time_stamp.empty()) line += " --time-stamp owner.tsr";
   if (options.any_decoder) line += " --any-decoder";
-  char rate[32];
-  std::snprintf(rate, sizeof rate, "%g", options.alpha);
-  return line + " --alpha " + rate + " --tests " + std::to_string(options.tests);
+  line += " --alpha " + compmark::detail::exact_text(options.alpha);
+  if (options.recipient_alpha != VerifySettings{}.recipient_rate)
+    line += " --recipient-alpha " + compmark::detail::exact_text(options.recipient_alpha);
+  return line + " --tests " + std::to_string(options.tests);
 }
 
 /// What the record does not say, for whoever has to weigh it.

@@ -13,6 +13,7 @@
 #include "common.hpp"
 #include "decoder_choice.hpp"
 #include "reading.hpp"
+#include "shell_word.hpp"
 
 namespace tool {
 namespace {
@@ -25,7 +26,7 @@ struct ClaimOptions : ClaimSettings {
 
 int claim(ClaimOptions& options) {
   // Where a decoder was named, the commands that come next need it too.
-  const std::string decoder = options.decoder.empty() ? "" : " --decoder " + options.decoder.string();
+  const std::string decoder = options.decoder.empty() ? "" : " --decoder " + shell_word(options.decoder);
   if (const Result<Done> chosen = choose_decoder(options.decoder, {}); !chosen) return fail(chosen.error());
   const Result<OwnerKey> key = load_key(options.key);
   if (!key) return fail(key.error());
@@ -39,17 +40,17 @@ int claim(ClaimOptions& options) {
     }
   }
   if (const Result<Done> written = write_claim(options.out, *made); !written) return fail(written.error());
-  const std::string file = options.out.string(), key_file = options.key.string();
+  const std::string file = shell_word(options.out), key_file = shell_word(options.key);
   // Who names the unmarked model has one, and marks that.
   std::string marks = "train --data SCENE --out RUN", subtracts;
   if (!options.unmarked.empty()) {
-    marks = "embed --model " + options.unmarked.string() + (is_splat_file(options.unmarked) ? "" : " --data SCENE") +
+    marks = "embed --model " + shell_word(options.unmarked) + (is_splat_file(options.unmarked) ? "" : " --data SCENE") +
             " --out RUN";
-    subtracts = " --unmarked " + options.unmarked.string();
+    subtracts = " --unmarked " + shell_word(options.unmarked);
   }
   if (subtracts.empty() && !options.interference.empty())
-    subtracts = " --interference " + options.interference.string();
-  std::printf("%s%s: sha256 %s\n", made->text().c_str(), file.c_str(), to_hex(made->digest()).c_str());
+    subtracts = " --interference " + shell_word(options.interference);
+  std::printf("%s%s: sha256 %s\n", made->text().c_str(), options.out.c_str(), to_hex(made->digest()).c_str());
   std::printf(
       "Publish this SHA-256, or the file, where others date it, before anybody else has anything of the scene. A "
       "time-stamping authority "

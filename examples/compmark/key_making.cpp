@@ -8,6 +8,7 @@
 #include <ctime>
 
 #include "common.hpp"
+#include "shell_word.hpp"
 
 namespace tool {
 
@@ -44,10 +45,10 @@ Result<std::string> make_dated_key(KeySettings settings) {
             std::to_string(key.bits - shared_bits(key.bits)) +
             " name the recipient; mark each copy with its number, embed --recipient J\n";
   }
-  text += "next: compmark claim --key " + settings.out.string() +
-          (settings.decoder.empty() ? "" : " --decoder " + settings.decoder.string()) + " --out " +
-          settings.out.string() +
-          ".claim\n      Publish its SHA-256 where others date it, before anybody else has anything of the scene.\n";
+  text += "next: compmark claim --key " + shell_word(settings.out) +
+          (settings.decoder.empty() ? "" : " --decoder " + shell_word(settings.decoder)) + " --out " +
+          shell_word(settings.out.string() + ".claim") +
+          "\n      Publish its SHA-256 where others date it, before anybody else has anything of the scene.\n";
   const double rate = VerifySettings{}.false_positive_rate, copies = static_cast<double>(key.recipients);
   if (!match_threshold(key.bits, key.recipients == 0 ? rate : rate / (2 * copies))) {
     print_warning(std::to_string(key.bits) + " bits can never be evidence at a false-positive rate of 1e-06");

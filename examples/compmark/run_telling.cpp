@@ -10,6 +10,7 @@
 
 #include "common.hpp"
 #include "report.hpp"
+#include "shell_word.hpp"
 
 namespace tool {
 
@@ -151,8 +152,8 @@ void RunTelling::on_finished(const RunOutcome& outcome) {
   }
   // Splats that came as a file go out as one.
   const std::filesystem::path shown = results.recipe == "explicit" ? folder / "marked.ply" : outcome.model;
-  std::fprintf(figures_, "next: compmark export --model %s --out %s\n", shown.string().c_str(),
-               (folder / "scene.html").string().c_str());
+  std::fprintf(figures_, "next: compmark export --model %s --out %s\n", shell_word(shown).c_str(),
+               shell_word(folder / "scene.html").c_str());
 }
 
 double RunTelling::seconds() const {

@@ -14,6 +14,7 @@
 #include "common.hpp"
 #include "options.hpp"
 #include "reading.hpp"
+#include "shell_word.hpp"
 
 namespace tool {
 namespace {
@@ -34,12 +35,14 @@ int spread(const SpreadOptions& options) {
   if (!marked) return fail(marked.error());
   std::printf("%s: %.2f dB between renders of the two, %zu cells of %.3g units\n", options.out.string().c_str(),
               marked->psnr, marked->cells, marked->cell_side);
-  const std::string model = options.model.string(), key_file = options.key.string();
+  const std::string model = shell_word(options.model), key_file = shell_word(options.key),
+                    claim = shell_word(options.model.string() + ".claim");
   std::printf(
       "Keep %s secret and whole: the mark is read by it, and is a proof where a claim names it\n"
-      "next: compmark claim --key %s --unmarked %s --out %s.claim\n"
-      "then: compmark verify --images PICTURES --key %s --unmarked %s --claim %s.claim\n",
-      model.c_str(), key_file.c_str(), model.c_str(), model.c_str(), key_file.c_str(), model.c_str(), model.c_str());
+      "next: compmark claim --key %s --unmarked %s --out %s\n"
+      "then: compmark verify --images PICTURES --key %s --unmarked %s --claim %s\n",
+      options.model.c_str(), key_file.c_str(), model.c_str(), claim.c_str(), key_file.c_str(), model.c_str(),
+      claim.c_str());
   return success;
 }
 

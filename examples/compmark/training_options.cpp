@@ -151,6 +151,13 @@ Result<Done> check_given(const Options& app, const TrainOptions& options) {
   if (app.count("--mark-iterations") != 0 && settings.mark.key.empty()) {
     return Error{ErrorKind::invalid, {}, "--mark-iterations", "needs a message to hide", "give --key"};
   }
+  if (app.count("--mark-iterations") != 0 && !marks_afterwards(settings)) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--mark-iterations",
+                 "is of a message that is hidden after the training, but here it is hidden while the scene trains",
+                 "give --iterations, or leave it out"};
+  }
   return Done{};
 }
 

@@ -40,6 +40,7 @@
 #include "compmark/math/monotone_cubic.hpp"
 #include "compmark/math/morton.hpp"
 #include "compmark/math/normals.hpp"
+#include "compmark/math/outer_tile.hpp"
 #include "compmark/math/pack.hpp"
 #include "compmark/math/resize_adjoint.hpp"
 #include "compmark/math/robust_ball.hpp"

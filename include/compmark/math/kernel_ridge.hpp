@@ -47,18 +47,25 @@ template <Executor E>
     }
   }
   std::vector<double> lower(n * n);
+  constexpr std::size_t lanes = 64;            // distances that are summed side by side
+  std::vector<double> across(n * dimensions);  // [dimensions, n]
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t d = 0; d < dimensions; ++d) across[d * n + i] = points[i * dimensions + d];
+  }
   executor.for_chunks(n, 16, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i) {
-      for (std::size_t j = 0; j < i; ++j) {
-        double square = 0;
+    for (std::size_t begin = 0; begin < last; begin += lanes) {
+      for (std::size_t i = std::max(first, begin); i < last; ++i) {
+        const std::size_t together = std::min(lanes, i - begin);
+        double square[lanes] = {};
         for (std::size_t d = 0; d < dimensions; ++d) {
-          const double difference = points[i * dimensions + d] - points[j * dimensions + d];
-          square += difference * difference;
+          const double own = points[i * dimensions + d];
+          const double* const others = across.data() + d * n + begin;
+          for (std::size_t j = 0; j < together; ++j) square[j] += (own - others[j]) * (own - others[j]);
         }
-        lower[i * n + j] = std::exp(-square / 2);
+        for (std::size_t j = 0; j < together; ++j) lower[i * n + begin + j] = std::exp(-square[j] / 2);
       }
-      lower[i * n + i] = 1 + ridge;
     }
+    for (std::size_t i = first; i < last; ++i) lower[i * n + i] = 1 + ridge;
   });
   if (!cholesky_in_place(std::span<double>(lower), n, executor)) return std::nullopt;
 
