@@ -155,21 +155,28 @@ void to_gaussians_backward(const SplatTable& table, const std::array<double, 3>&
 }
 
 /// Explicit Gaussians of one view (colours as they are) as a table of degree 0: exact for that view, whatever the
-/// camera. Opacities are held below 1 - 1e-6 and scales above 1e-20, so that every stored number is finite.
+/// camera. Those without opacity are left out. Opacities are held between 1e-6 and 1 - 1e-6 and scales above 1e-20, so
+/// that every stored number is finite.
 template <class T>
 [[nodiscard]] SplatTable to_splat_table(const GaussianColumns<const T>& gaussians) {
-  SplatTable table;
-  table.resize(gaussians.count, 0);
+  std::vector<std::size_t> seen;
   for (std::size_t i = 0; i < gaussians.count; ++i) {
+    if (gaussians.opacity[i] > T(0)) seen.push_back(i);
+  }
+  SplatTable table;
+  table.resize(seen.size(), 0);
+  for (std::size_t row = 0; row < seen.size(); ++row) {
+    const std::size_t i = seen[row];
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      table.mean[axis][i] = static_cast<float>(gaussians.mean[axis][i]);
-      table.log_scale[axis][i] =
+      table.mean[axis][row] = static_cast<float>(gaussians.mean[axis][i]);
+      table.log_scale[axis][row] =
           static_cast<float>(std::log(std::fmax(static_cast<double>(gaussians.scale[axis][i]), 1e-20)));
-      table.color(axis, 0)[i] = static_cast<float>((static_cast<double>(gaussians.color[axis][i]) - 0.5) / sh_constant);
+      table.color(axis, 0)[row] =
+          static_cast<float>((static_cast<double>(gaussians.color[axis][i]) - 0.5) / sh_constant);
     }
-    for (std::size_t k = 0; k < 4; ++k) table.rotation[k][i] = static_cast<float>(gaussians.rotation[k][i]);
+    for (std::size_t k = 0; k < 4; ++k) table.rotation[k][row] = static_cast<float>(gaussians.rotation[k][i]);
     const double opacity = std::fmin(std::fmax(static_cast<double>(gaussians.opacity[i]), 1e-6), 1 - 1e-6);
-    table.opacity[i] = static_cast<float>(std::log(opacity / (1 - opacity)));
+    table.opacity[row] = static_cast<float>(std::log(opacity / (1 - opacity)));
   }
   return table;
 }

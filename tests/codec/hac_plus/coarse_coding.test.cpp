@@ -173,6 +173,21 @@ TEST_CASE("hac_plus/coarse_coding: a beginning with a flipped bit is refused, or
   }
 }
 
+TEST_CASE("hac_plus/coarse_coding: what is rescued of a file still has its coarse model, and is written with it") {
+  const auto container = parse_container(good_coarse(), "");
+  REQUIRE(container.ok());
+  const SectionEntry* const entry = container->find(HacPlusFormat::stream, 0, 1);
+  REQUIRE(entry != nullptr);
+  std::vector<std::byte> bytes = good_coarse();
+  bytes[static_cast<std::size_t>(entry->offset)] ^= std::byte{16};
+  const auto rescued = decode(bytes, {.salvage = true});
+  REQUIRE(rescued.ok());
+  CHECK(rescued->lost_anchors > 0);
+  CHECK(rescued->model.first_level == decode(good_coarse())->model.first_level);
+  REQUIRE(rescued->model.first_level.has_value());
+  CHECK(levels_of(encoded(rescued->model).bytes).size() == 2);
+}
+
 TEST_CASE("hac_plus/coarse_coding: steps that are none, and sections that are missing") {
   const auto step_error = [](std::vector<std::byte> bytes) {
     return testing::error_of_forged(good_coarse(), [&](File& file) { file.of(HacPlusFormat::step).bytes = bytes; });

@@ -6,13 +6,16 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <compmark/codec/hac/hac_decoder.hpp>
 #include <compmark/codec/hac/hac_encoder.hpp>
 #include <compmark/codec/model/coded_model.hpp>
 #include <compmark/core/thread_executor.hpp>
+#include <compmark/metric/psnr.hpp>
 #include <compmark/recipes/far_field.hpp>
 #include <compmark/recipes/hac.hpp>
+#include <compmark/splat/export/bake.hpp>
 #include <compmark/splat/training/trainer.hpp>
 #include <compmark/watermark/embed/residual.hpp>
 #include <string>
@@ -146,6 +149,8 @@ TEST_CASE("model/hac: a trained model goes through a file and renders the same b
   info.effects = {"alpha", "masks"};
   info.origin = {1e5, -2, 0.25};
   info.unit = 1024;
+  info.up = {0, 0.6, -0.8};
+  info.around_splats = true;
   info.base_step = {1, 0.01, 0.2};
   for (std::size_t i = 0; i < 5; ++i) {
     StoredView view;
@@ -179,6 +184,8 @@ TEST_CASE("model/hac: a trained model goes through a file and renders the same b
   CHECK(read.effects == info.effects);
   CHECK(read.origin == info.origin);
   CHECK(read.unit == 1024);
+  CHECK(read.up == info.up);
+  CHECK(read.around_splats);
   CHECK(read.base_step == info.base_step);
   REQUIRE(read.views.size() == 2);  // the test views
   CHECK(read.views[0].name == "view 1");
@@ -211,17 +218,26 @@ TEST_CASE("model/hac: masked offsets are not rendered and not stored; a model of
   const Camera<double> camera = ring_camera(2, 6, 48, 40);
   const auto drawn = [&] {
     Pipeline<SmallGridHac>::Context context;
-    static_cast<void>(pipeline.forward(model, camera, unseen_view, context, executor));
+    const ForwardReport report = pipeline.forward(model, camera, unseen_view, context, executor);
     std::size_t count = 0;
     const GaussianColumns<const float> gaussians = std::as_const(context.gaussians).columns();
     for (std::size_t g = 0; g < gaussians.count; ++g) count += gaussians.opacity[g] > 0 ? 1 : 0;
+    CHECK(report.gaussians == count);
+    // Splats that are exact for a camera are those that are drawn.
+    const SplatTable table = bake_at_camera(model, camera, unseen_view, executor);
+    CHECK(table.count == count);
+    SplatRenderer<SmallGridHac> renderer(model.render);
+    const ImageView<const float> image = renderer.render(table, camera, executor);
+    CHECK(psnr(ImageView<const float>(context.image), image) > 60);
     return count;
   };
   const std::size_t all = drawn();
-  for (std::size_t i = 0; i < mask.rows; ++i) mask(i, 1) = -20;  // one of three
+  CAPTURE(all);
+  for (std::size_t i = 0; i < mask.rows; i += 2) mask(i, 0) = mask(i, 1) = mask(i, 2) = -20;  // every other anchor
   const std::size_t fewer = drawn();
   CHECK(fewer < all);
-  for (std::size_t i = 0; i < mask.rows; i += 2) mask(i, 0) = mask(i, 2) = -20;  // every other anchor altogether
+  CHECK(fewer > 0);
+  for (std::size_t i = 0; i < mask.rows; ++i) mask(i, 1) = -20;  // and one of three
   const Result<CodecModel> coded = coded_model(model, ModelInfo{});
   REQUIRE(coded.ok());
   const Result<CodecEncoded> file = encode_hac(*coded, CodecEncodeSettings{}, executor);
@@ -264,6 +280,12 @@ TEST_CASE("model/hac: what a file says of its model is checked before it is beli
   refused([](CodecModel& m) { m.metadata["origin"] = "12345678"; }, "META.origin");
   CHECK(!coded->metadata.contains("unit"));  // as in files from before there was one: it is 1
   CHECK(model_info(*coded)->unit == 1);
+  CHECK(!coded->metadata.contains("up"));
+  CHECK(!model_info(*coded)->up);
+  CHECK(!model_info(*coded)->around_splats);
+  refused([](CodecModel& m) { m.metadata["up"] = detail::packed_doubles(std::array<double, 3>{1, 1, 0}); }, "META.up");
+  refused([](CodecModel& m) { m.metadata["up"] = "z"; }, "META.up");
+  refused([](CodecModel& m) { m.metadata["up"] = 1.0; }, "META.up");
   refused([](CodecModel& m) { m.metadata["unit"] = 0.0; }, "META.unit");
   refused([](CodecModel& m) { m.metadata["unit"] = -2.0; }, "META.unit");
   refused([](CodecModel& m) { m.metadata["unit"] = std::nan(""); }, "META.unit");

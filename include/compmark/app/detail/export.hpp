@@ -252,6 +252,10 @@ template <class R>
   ExportReport report;
   report.warnings = export_warnings(model, info, file.format && tells_filter(*file.format));
   report.anchors = model.anchor_count();
+  if (settings.kind == ExportKind::anchors) {
+    if (std::string masked = masked_offsets_warning(model); !masked.empty())
+      report.warnings.push_back(std::move(masked));
+  }
   of.observer.on_begin(report);
   if (settings.kind == ExportKind::anchors) {
     if (ExplicitModelRecipe<R>) {

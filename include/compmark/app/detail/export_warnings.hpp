@@ -10,6 +10,10 @@
 #include <type_traits>
 #include <vector>
 
+#include "compmark/codec/rate/offset_mask.hpp"
+#include "compmark/codec/rate/stages/rate.hpp"
+#include "compmark/core/absent.hpp"
+#include "compmark/core/views.hpp"
 #include "compmark/io/number_text.hpp"
 #include "compmark/io/splat/splat_file.hpp"
 #include "compmark/splat/export/explicit_splats.hpp"
@@ -32,6 +36,22 @@ template <class R>
 /// Whether a file of the format can say so.
 [[nodiscard]] inline bool tells_filter(SplatFormat format) {
   return format == SplatFormat::compressed_ply || format == SplatFormat::spz || format == SplatFormat::sog;
+}
+
+/// What anchors in a file show that a render does not: the offsets that a codec's masks leave out. Empty where all show.
+template <class R>
+std::string masked_offsets_warning(const Model<R>& model) {
+  if constexpr (present<typename R::EntropyModel>) {
+    const MatrixView<const float> mask = model.arena.values(model.template blocks<RateStage>().mask);
+    const auto masked =
+        std::count_if(mask.data, mask.data + mask.size(), [](float stored) { return !is_unmasked(stored); });
+    if (masked != 0)
+      return std::to_string(masked) + " of " + std::to_string(mask.size()) +
+             " offsets are not rendered, because the codec's masks leave them out, but the file has no place for "
+             "masks: "
+             "whoever decodes its anchors draws them";
+  }
+  return {};
 }
 
 /// Properties of the model that the file cannot hold, one sentence each: viewers will show something else. `told`: the

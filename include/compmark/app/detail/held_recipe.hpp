@@ -30,8 +30,9 @@ class RecipeModel final : public HeldModel {
   Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) override {
     const Result<ViewCamera<R>> at = view_camera(camera, lens);
     if (!at) return at.error();
-    const ForwardReport report = pipeline_.forward(model_, *at, unseen_view, context_, executor);
-    return RenderedView{context_.image, report.gaussians, std::as_const(context_.gaussians).columns(),
+    const Result<ForwardReport> report = forward(*at, executor);
+    if (!report) return report.error();
+    return RenderedView{context_.image, report->gaussians, std::as_const(context_.gaussians).columns(),
                         R::Rasterizer::EffectPolicy::Filter::active};
   }
   Result<MatrixView<const float>> feature_gradient(const Camera<double>& camera, const Lens& lens,
@@ -46,7 +47,7 @@ class RecipeModel final : public HeldModel {
     }
     const Result<ViewCamera<R>> at = view_camera(camera, lens);
     if (!at) return at.error();
-    pipeline_.forward(model_, *at, unseen_view, context_, executor);
+    if (const Result<ForwardReport> report = forward(*at, executor); !report) return report.error();
     pipeline_.begin_loss(context_);
     COMPMARK_ASSERT(d_image.size() == context_.d_image.size(), "feature_gradient: an image of the camera's size");
     std::copy_n(d_image.data, d_image.size(), context_.d_image.data);
@@ -56,7 +57,7 @@ class RecipeModel final : public HeldModel {
   Result<GaussianShares> shares(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) override {
     const Result<ViewCamera<R>> at = view_camera(camera, lens);
     if (!at) return at.error();
-    pipeline_.forward(model_, *at, unseen_view, context_, executor);
+    if (const Result<ForwardReport> report = forward(*at, executor); !report) return report.error();
     pipeline_.begin_loss(context_);
     // The image is sum_p w_p(pixel) c_p + background: w is its sum's gradient by the colour.
     std::fill_n(context_.d_image.data, context_.d_image.size(), 1.0f);
@@ -88,6 +89,12 @@ class RecipeModel final : public HeldModel {
   [[nodiscard]] Model<R>& model() { return model_; }
 
  private:
+  /// Renders into the context. A view that shows more than there is memory for is no picture of the background.
+  Result<ForwardReport> forward(const ViewCamera<R>& at, ThreadExecutor& executor) {
+    ForwardReport report = pipeline_.forward(model_, at, unseen_view, context_, executor);
+    if (report.raster.error) return std::move(*report.raster.error);
+    return report;
+  }
   /// After a forward pass and a gradient of its image: those of the parameters, set.
   void backward(const ViewCamera<R>& at, ThreadExecutor& executor) {
     const std::span<float> gradients = model_.arena.all_gradients();

@@ -46,13 +46,13 @@ struct CompressedMetrics {
   std::uint64_t anchors = 0;
   double encode_seconds = 0;
   double decode_seconds = 0;  ///< from opening the file to a model that renders
-  TestMetrics test;
+  TestMetrics test;  ///< over the training views where there are no test views; null in the file then
   std::optional<WatermarkMetrics> watermark;
   std::vector<std::pair<std::string, std::uint64_t>> sections;  ///< bytes by what they are for
 };
 
 struct RunResults {
-  std::string dataset;  ///< path as given
+  std::string dataset;  ///< last name of the path that was given
   std::string recipe;
   std::string profile;
   std::int64_t iterations = 0;  ///< finished

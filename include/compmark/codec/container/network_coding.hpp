@@ -203,7 +203,7 @@ void code_halves(Bits& bits, std::span<std::uint16_t> values) {
   return writer.take();
 }
 
-/// Weights decode to at most 2^20 values a stored byte.
+/// A tensor has at most 2^20 (bytes + 64) values, of the bytes that are stored of it, and all of them 2^26 together.
 [[nodiscard]] inline Result<std::vector<CodecTensor>> decode_networks(std::span<const std::byte> payload) {
   constexpr std::uint64_t count_limit = std::uint64_t{1} << 26;
   ByteReader reader(payload);

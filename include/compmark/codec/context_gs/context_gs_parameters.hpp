@@ -130,8 +130,11 @@ void choose_context_gs_cells(ParameterArena<T>& arena, const ContextGsHandles& h
     if (any_unmasked(mask.row(i), mask.columns)) voxels[unmasked++] = nearest_voxel(position.row(i), voxel_size);
   }
   const AnchorCells chosen = choose_anchor_cells(std::as_const(voxels).span().first(unmasked));
-  cells(0, 0) = static_cast<T>(chosen.fine);  // edges above 2^24 lose digits in float: all anchors are in one cell then
-  cells(0, 1) = static_cast<T>(chosen.coarse);
+  // Edges above 2^24 lose digits in float: all anchors are in one cell then. The largest would become 2^31, which is no
+  // int32 any more.
+  constexpr std::int32_t largest = std::int32_t{1} << 30;
+  cells(0, 0) = static_cast<T>(std::min(chosen.fine, largest));
+  cells(0, 1) = static_cast<T>(std::min(chosen.coarse, largest));
 }
 
 template <class Attributes, class T>

@@ -60,12 +60,13 @@ template <Executor E>
   if (!within) return within.error();
   Result<IntraContext> intra = detail::decode_intra(*within, context.heads.channels());
   if (!intra) return reader.located(intra.error());
+  std::optional<CoarseSteps> first_level;  // of a rescued model too, whose rows were taken out of this one
   if (coarse) {
     const auto step = reader.context(HacPlusFormat::step);
     if (!step) return step.error();
     const Result<CoarseSteps> steps = detail::decode_coarse_steps(*step);
     if (!steps) return reader.located(steps.error());
-    model.first_level = *steps;
+    model.first_level = first_level = *steps;
   }
   const Result<Done> prepared = reader.prepare(model);
   if (!prepared) return prepared.error();
@@ -90,6 +91,7 @@ template <Executor E>
   if (!finished) return finished.error();
   model.context = std::move(context);
   model.intra = std::move(*intra);
+  model.first_level = first_level;
   return result;
 }
 

@@ -135,6 +135,8 @@ template <Recipe R>
                     {"background", detail::packed_doubles(model.render.background)}};
   if (info.origin != std::array<double, 3>{0, 0, 0}) coded.metadata["origin"] = detail::packed_doubles(info.origin);
   if (info.unit != 1) coded.metadata["unit"] = info.unit;
+  if (info.up) coded.metadata["up"] = detail::packed_doubles(*info.up);
+  if (cameras_are_made_up(info)) coded.metadata["around_splats"] = std::int64_t{1};
   detail::store_views(info, settings.cameras, coded);
   return coded;
 }
@@ -163,7 +165,8 @@ template <class Json = nlohmann::json>
     return stored != nullptr;
   };
   std::int64_t seed = 0;
-  std::string effects, origin;
+  std::int64_t around_splats = 0;
+  std::string effects, origin, up;
   if (!get("recipe", info.recipe)) return fail("recipe");
   if (!get("profile", info.profile)) return fail("profile");
   if (!get("iterations", info.iterations)) return fail("iterations");
@@ -183,6 +186,14 @@ template <class Json = nlohmann::json>
   }
   if (coded.metadata.contains("unit") && (!get("unit", info.unit) || !(info.unit > 0) || !std::isfinite(info.unit)))
     return fail("unit");
+  if (coded.metadata.contains("up")) {
+    if (!get("up", up)) return fail("up");
+    const std::vector<double> numbers = detail::unpacked_doubles(up);
+    if (numbers.size() != 3 || !(std::abs(std::hypot(numbers[0], numbers[1], numbers[2]) - 1) < 1e-6))
+      return fail("up");
+    std::copy_n(numbers.begin(), 3, info.up.emplace().begin());
+  }
+  info.around_splats = get("around_splats", around_splats) && around_splats != 0;
   info.base_step = coded.base_step;
   Result<std::vector<StoredView>> views = detail::read_views<Json>(coded);
   if (!views) return views.error();

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -20,28 +21,20 @@
 #include "compmark/metric/rounding.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/splat_table.hpp"
-#include "compmark/splat/anchor/visibility.hpp"
 #include "compmark/splat/training/model.hpp"
 #include "compmark/splat/training/pipeline.hpp"
 
 namespace compmark {
 
-/// The Gaussians that the decoder gives for this camera, colours as degree 0: rendered from here the table is the
-/// model. `view` chooses the appearance row, if the recipe has one. Cost: one decode.
+/// The Gaussians that are drawn for this camera, colours as degree 0: rendered from here the table is the model. Those
+/// without opacity, which a codec's masks took, are left out. `view` chooses the appearance row, if the recipe has one.
+/// Cost: one render.
 template <Recipe R, Executor E>
 [[nodiscard]] SplatTable bake_at_camera(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view,
                                         E& executor) {
-  using T = typename R::Scalar;
-  Buffer<std::uint32_t> visible;
-  VisibilityWorkspace workspace;
-  GaussianBatch<T> gaussians;
-  typename R::GaussianDecoder::Context context;
-  const typename R::GaussianDecoder decoder{};
-  R::AnchorModel::find_visible(model.columns(), camera.template cast<T>(), Pipeline<R>::lens_of(camera),
-                               {model.render.near_plane, model.render.blur_variance}, visible, workspace, executor);
-  decoder.forward(model.columns(), std::as_const(visible).span(), camera.center_world, view, model.arena, model.decoder,
-                  gaussians, context, executor);
-  return to_splat_table(std::as_const(gaussians).columns());
+  typename Pipeline<R>::Context context;
+  Pipeline<R>{}.forward(model, camera, view, context, executor);
+  return to_splat_table(std::as_const(context.gaussians).columns());
 }
 
 /// Renders explicit Gaussians as a viewer would, with the rasterizer and the render settings of the model they come
@@ -52,20 +45,23 @@ class SplatRenderer {
   using Scalar = typename R::Scalar;
   explicit SplatRenderer(const RenderSettings& render) : render_(render) {}
 
-  /// Image [3, height, width]; valid until the next call.
+  /// Image [3, height, width]; valid until the next call. With an error() it is the background.
   template <Executor E>
   ImageView<const Scalar> render(const SplatTable& table, const ViewCamera<R>& camera, E& executor) {
     to_gaussians(table, camera.center_world, gaussians_, executor);
     image_.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     const ImageView<Scalar> image{image_.data(), 3, camera.height, camera.width};
-    Pipeline<R>::rasterizer(render_, camera)
-        .forward(std::as_const(gaussians_).columns(), camera.template cast<Scalar>(), Pipeline<R>::background(render_),
-                 image, context_, executor);
+    report_ = Pipeline<R>::rasterizer(render_, camera)
+                  .forward(std::as_const(gaussians_).columns(), camera.template cast<Scalar>(),
+                           Pipeline<R>::background(render_), image, context_, executor);
     return image;
   }
+  /// Of the last render: it shows more than the rasterizer has memory for.
+  [[nodiscard]] const std::optional<Error>& error() const { return report_.error; }
 
  private:
   RenderSettings render_;
+  RasterReport report_;
   GaussianBatch<Scalar> gaussians_;
   typename R::Rasterizer::Context context_;
   Buffer<Scalar> image_;
@@ -106,16 +102,18 @@ template <Recipe R, class TableAt, Executor E>
   BakeReport report;
   double sum_bake = 0, sum_model_target = 0, sum_bake_target = 0;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    pipeline.forward(model, cameras[i], appearance_view, context, executor);
+    const ForwardReport rendered = pipeline.forward(model, cameras[i], appearance_view, context, executor);
     const std::size_t size = context.image.size();
     const auto view_of = [&](Buffer<float>& buffer) {
       return ImageView<float>{buffer.data(), 3, cameras[i].height, cameras[i].width};
     };
+    if (rendered.raster.error) return *rendered.raster.error;
     rounded_model.resize(size);
     round_to_8bit(ImageView<const float>(context.image), view_of(rounded_model));
     const SplatTable& table = table_at(i);
     rounded_bake.resize(size);
     round_to_8bit(renderer.render(table, cameras[i], executor), view_of(rounded_bake));
+    if (renderer.error()) return *renderer.error();
     BakeComparison one;
     one.bake_to_model = psnr(view_of(rounded_bake), view_of(rounded_model));
     if (targets) {

@@ -221,7 +221,7 @@ class CameraTangent {
     typename Raster::Settings settings;
     settings.near_plane = near_plane_;
     settings.blur_variance = blur_variance_;
-    Raster(settings).forward(gaussians, camera, background, image, ctx.raster, executor);
+    RasterReport report = Raster(settings).forward(gaussians, camera, background, image, ctx.raster, executor);
     const ProjectedSplats<T>& projected = ctx.raster.projected;
     ctx.moves.resize(projected.count);
     const detail::PinholeView<T> view(camera);
@@ -236,7 +236,7 @@ class CameraTangent {
     executor.for_chunks(tiles, std::size_t{4}, [&](std::size_t begin, std::size_t end, std::size_t worker) {
       for (std::size_t tile = begin; tile < end; ++tile) tangent_cell(tile, image, tangents, ctx, ctx.scratch[worker]);
     });
-    if (ctx.raster.error) return *ctx.raster.error;
+    if (report.error) return std::move(*report.error);
     return Done{};
   }
 

@@ -20,11 +20,13 @@
 #include <array>
 #include <concepts>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
 #include "compmark/core/gradient_mode.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 
 namespace compmark {
@@ -46,6 +48,8 @@ struct RasterReport {
   std::size_t visible = 0;   ///< Gaussians with a footprint on the image
   std::size_t pairs = 0;     ///< (Gaussian, tile) pairs after the footprint test
   std::size_t scrubbed = 0;  ///< Gaussians dropped or changed because a value was not finite
+  /// The view has more pairs than memory is set apart for (BinSettings), and the image is the background.
+  std::optional<Error> error{};
 };
 
 template <class R>

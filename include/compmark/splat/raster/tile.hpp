@@ -12,7 +12,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <type_traits>
 
@@ -66,7 +65,6 @@ class TileRasterizer {
     ProjectWorkspace<T> project_workspace;
     TileLists lists;
     BinWorkspace bin_workspace;
-    std::optional<Error> error;  ///< set when the view exceeded the pair budget: the image is then the background
     Buffer<detail::WhiteSplat<T>> white;    // [count]
     Buffer<std::size_t> first_chunk;        // [tiles + 1], for one cell of the tile
     Buffer<detail::ChunkRecord<T>> chunks;  // [first_chunk[tiles] * cells of a tile]
@@ -88,14 +86,13 @@ class TileRasterizer {
                     "TileRasterizer: the image must be [3, camera.height, camera.width]");
     RasterReport report = project<accuracy, T, native_width<T>, Effects>(gaussians, camera, projection(), ctx.projected,
                                                                          ctx.project_workspace, executor);
-    ctx.error.reset();
     ctx.white.resize(ctx.projected.count);
     const Result<Done> binned =
         bin<accuracy>(ctx.projected, camera.width, camera.height, settings_.bin, ctx.lists, ctx.bin_workspace, executor,
                       [&](std::size_t first, std::size_t lanes, const auto& splats) {
                         detail::store_white<accuracy>(ctx.white.data() + first, lanes, splats);
                       });
-    if (!binned) ctx.error = binned.error();
+    if (!binned) report.error = binned.error();
     report.pairs = ctx.lists.pairs;
     blend_whitened(camera.width, camera.height, background, image, ctx, executor);
     return report;

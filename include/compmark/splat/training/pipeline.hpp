@@ -45,7 +45,7 @@ struct LossWeights {
 
 struct ForwardReport {
   std::size_t visible_anchors = 0;
-  std::size_t gaussians = 0;  ///< with positive opacity, given to the rasterizer
+  std::size_t gaussians = 0;  ///< with positive opacity, after the stages
   RasterReport raster;
 };
 
@@ -123,7 +123,7 @@ class Pipeline {
 
   /// Renders one view into context.image [3, height, width]. `view` selects the appearance and the exposure, if the
   /// recipe has them; unseen_view is a photograph that was not trained on. `phases` is what the stages do beyond a
-  /// plain render; the backward pass does the same.
+  /// plain render; the backward pass does the same. Where the report has an error (raster), the image is the background.
   template <Executor E>
   ForwardReport forward(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view, Context& context,
                         E& executor, const Phases& phases = {}) const {
@@ -143,6 +143,11 @@ class Pipeline {
     report.gaussians = decoder_.forward(columns, context.visible.span(), camera.center_world, view, model.arena,
                                         model.decoder, context.gaussians, context.decoder, executor);
     Stages::forward([&]<class S>() { stage<S>().gaussians(pass, own<S>(pass)); });
+    if constexpr (Stages::masks_gaussians) {
+      const GaussianColumns<const Scalar> drawn = std::as_const(context.gaussians).columns();
+      report.gaussians = static_cast<std::size_t>(std::count_if(drawn.opacity, drawn.opacity + drawn.count,
+                                                                [](Scalar opacity) { return opacity > Scalar(0); }));
+    }
     Volume::look(context.volume, columns.position, [&] { return decoder_.statistics(context.decoder); });
     report.raster = rasterizer(model.render, camera)
                         .forward(std::as_const(context.gaussians).columns(), scalar_camera,

@@ -38,6 +38,8 @@ struct Stage {
 
   /// Whether `attributes` or `before_culling` change what the decoder reads of the anchors.
   static constexpr bool changes_attributes = false;
+  /// Whether `gaussians` takes the opacity of some of them.
+  static constexpr bool masks_gaussians = false;
   /// Whether context.error_map() says where the image is wrong, for growing to look at.
   static constexpr bool keeps_error_map = false;
   /// The parts of a photograph that the stage reads, beyond its colours over a constant background.
@@ -140,6 +142,7 @@ struct StageList {
   }
   /// Whether that holds for any stage.
   static constexpr bool changes_attributes = (S::changes_attributes || ...);
+  static constexpr bool masks_gaussians = (S::masks_gaussians || ...);
   static constexpr bool needs_target_planes = (S::needs_target_planes || ...);
   static constexpr bool needs_alpha = (S::needs_alpha || ...);
   static constexpr bool needs_pixel_weights = (S::needs_pixel_weights || ...);

@@ -133,7 +133,8 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     set_schedules(state_.model, settings_);
   }
 
-  /// One iteration. An Error comes from the views alone and leaves the state as it was.
+  /// One iteration. An Error comes from the views, or from one that shows more than the rasterizer has memory for
+  /// (RasterReport::error), and leaves the state where it was.
   template <class Views>
     requires TrainingViews<Views, Scalar>
   [[nodiscard]] Result<IterationReport> step(Views& views) {
@@ -157,6 +158,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
 
     this->prepare_model(t, model);
     report.forward = pipeline_.forward(model, camera, report.view, context_, *executor_, phases_);
+    if (report.forward.raster.error) return *report.forward.raster.error;
     LossWeights weights{settings_.lambda_dssim, settings_.lambda_volume};
     Stages::forward([&]<class S>() { pipeline_.template stage<S>().weigh_losses(this->iteration(t), weights.image); });
     report.loss = pipeline_.loss(target_.view(), weights, context_, *executor_);

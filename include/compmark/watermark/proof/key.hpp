@@ -82,8 +82,13 @@ template <SecretKey K>
     if (const Result<Message> data = Message::from_hex(key.payload, code->data_bits()); !data) {
       Error error = data.error();
       error.field = "payload";
-      error.remedy = "this message has room for " + std::to_string(code->data_bits()) + " bits of payload, " +
-                     std::to_string((code->data_bits() + 3) / 4) + " digits";
+      const std::size_t bits = code->data_bits(), last = 4 - (4 - bits % 4) % 4;  // bits of the last digit
+      error.remedy = "this message has room for " + std::to_string(bits) + " bits of payload, " +
+                     std::to_string((bits + 3) / 4) + " digits";
+      if (last != 4)
+        error.remedy += ", the last of which is " + std::string(last == 3   ? "even"
+                                                                : last == 2 ? "0, 4, 8 or c"
+                                                                            : "0 or 8");
       return error;
     }
   }

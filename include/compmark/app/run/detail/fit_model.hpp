@@ -32,12 +32,13 @@ struct FitProgress {
   bool on_progress(std::size_t done, std::size_t total) const { return observer->on_fit(done, total); }
 };
 
-/// Settles settings.fit.stride.
+/// Settles settings.fit.stride. `views_of_model`: those that the model was trained on, where it does not store them itself.
 template <class R>
 Result<DecoderFit<float>> fit_model(const ModelSource& source, DecoderFileSettings& settings, ThreadExecutor& executor,
-                                    RunObserver& observer) {
+                                    RunObserver& observer, std::vector<StoredView> views_of_model = {}) {
   Result<LoadedModel<R>> loaded = source.load<R>();
   if (!loaded) return loaded.error();
+  if (!views_of_model.empty()) loaded->info.views = std::move(views_of_model);
   DatasetSettings data_settings = settings_of(loaded->info);
   data_settings.downscale = settings.downscale;
   data_settings.splat_up = settings.splat_up;
@@ -74,22 +75,24 @@ Result<DecoderFit<float>> fit_model(const ModelSource& source, DecoderFileSettin
 template <class R>
 Result<DecoderFit<float>> fit_coded_model(ModelSource source, DecoderFileSettings& settings, ThreadExecutor& executor,
                                           RunObserver& observer) {
+  std::vector<StoredView> views;
   if (!source.coded) {
-    const Result<LoadedModel<R>> loaded = source.load<R>();
+    Result<LoadedModel<R>> loaded = source.load<R>();
     if (!loaded) return loaded.error();
     const auto& arena = loaded->model.arena;
     const std::vector<float> statistics =
         coded_floats(arena.values(loaded->model.template blocks<RateStage>().statistics));
     if (!check_statistics(statistics)) return fit_model<R>(source, settings, executor, observer);  // decompressed
     CodedModelSettings coding;
-    coding.cameras = StoredCameras::all;
+    coding.cameras = StoredCameras::none;  // a file of thousands would be refused, and this one is never written
     const Result<CodecModel> coded = coded_model(loaded->model, loaded->info, coding);
     if (!coded) return in_file(coded.error(), source.path);
     Result<CodecEncoded> file = encode_model(*coded, executor);
     if (!file) return in_file(file.error(), source.path);
     source.coded = std::move(file->model);
+    views = std::move(loaded->info.views);
   }
-  return fit_model<R>(source, settings, executor, observer);
+  return fit_model<R>(source, settings, executor, observer, std::move(views));
 }
 
 }  // namespace compmark::detail

@@ -22,14 +22,15 @@ inline constexpr int results_schema = 1;
 }  // namespace detail
 
 COMPMARK_APP_INLINE Result<Done> write_results(const std::filesystem::path& path, const RunResults& results) {
+  const auto test_json = [](const TestMetrics& t) {
+    nlohmann::ordered_json test{{"psnr", t.psnr}, {"ssim", t.ssim}};
+    test["lpips_alex"] = t.lpips_alex ? nlohmann::ordered_json(*t.lpips_alex) : nlohmann::ordered_json(nullptr);
+    test["views"] = t.views;
+    if (t.psnr_colour_fitted) test["psnr_colour_fitted"] = *t.psnr_colour_fitted;
+    return test;
+  };
   nlohmann::ordered_json test = nullptr;
-  if (results.test) {
-    test = {{"psnr", results.test->psnr}, {"ssim", results.test->ssim}};
-    test["lpips_alex"] =
-        results.test->lpips_alex ? nlohmann::ordered_json(*results.test->lpips_alex) : nlohmann::ordered_json(nullptr);
-    test["views"] = results.test->views;
-    if (results.test->psnr_colour_fitted) test["psnr_colour_fitted"] = *results.test->psnr_colour_fitted;
-  }
+  if (results.test) test = test_json(*results.test);
   nlohmann::ordered_json json{{"schema", detail::results_schema},
                               {"dataset", results.dataset},
                               {"recipe", results.recipe},
@@ -64,10 +65,8 @@ COMPMARK_APP_INLINE Result<Done> write_results(const std::filesystem::path& path
     const CompressedMetrics& c = *results.compressed;
     nlohmann::ordered_json sections;
     for (const auto& [name, bytes] : c.sections) sections[name] = bytes;
-    nlohmann::ordered_json metrics{{"psnr", c.test.psnr}, {"ssim", c.test.ssim}};
-    metrics["lpips_alex"] =
-        c.test.lpips_alex ? nlohmann::ordered_json(*c.test.lpips_alex) : nlohmann::ordered_json(nullptr);
-    metrics["views"] = c.test.views;
+    nlohmann::ordered_json metrics = nullptr;  // as above: training views are no test
+    if (results.test) metrics = test_json(c.test);
     json["compressed"] = {{"codec", c.codec},
                           {"bytes", c.bytes},
                           {"anchors", c.anchors},
@@ -114,24 +113,37 @@ COMPMARK_APP_INLINE Result<RunResults> read_results(const std::filesystem::path&
   read(*json, "peak_memory_mb", results.peak_memory_mb, "");
   read(*json, "model_sha256", results.model_sha256, "");
   if (failure) return *failure;
-  if (json->contains("test") && !(*json)["test"].is_null()) {
-    const nlohmann::json& object = (*json)["test"];
+  const auto read_test = [&](const nlohmann::json& object, const std::string& where) {
     TestMetrics test;
-    read(object, "psnr", test.psnr, "test");
-    read(object, "ssim", test.ssim, "test");
-    read(object, "views", test.views, "test");
-    if (object.is_object() && object.contains("lpips_alex") && !object["lpips_alex"].is_null()) {
-      double lpips = 0;
-      read(object, "lpips_alex", lpips, "test");
-      test.lpips_alex = lpips;
-    }
-    if (object.is_object() && object.contains("psnr_colour_fitted")) {
-      double fitted = 0;
-      read(object, "psnr_colour_fitted", fitted, "test");
-      test.psnr_colour_fitted = fitted;
-    }
-    results.test = test;
-  }
+    read(object, "psnr", test.psnr, where);
+    read(object, "ssim", test.ssim, where);
+    read(object, "views", test.views, where);
+    const auto read_optional = [&](const char* key, std::optional<double>& value) {
+      if (failure || !object.contains(key) || object[key].is_null()) return;
+      read(object, key, value.emplace(), where);
+    };
+    read_optional("lpips_alex", test.lpips_alex);
+    read_optional("psnr_colour_fitted", test.psnr_colour_fitted);
+    return test;
+  };
+  const auto read_mark = [&](const nlohmann::json& object, const std::string& where) {
+    WatermarkMetrics m;
+    const nlohmann::json& accuracy = object["bit_accuracy"];
+    const std::string at = where.empty() ? "bit_accuracy" : where + ".bit_accuracy";
+    read(accuracy, "mean", m.mean, at);
+    read(accuracy, "min", m.min, at);
+    read(accuracy, "views", m.views, at);
+    read(object, "p_value", m.p_value, where);
+    read(object, "largest_view_p_value", m.largest_view_p_value, where);
+    const auto read_optional = [&](const char* key, std::optional<double>& value) {
+      if (failure || !object.contains(key) || object[key].is_null()) return;
+      read(object, key, value.emplace(), where);
+    };
+    read_optional("psnr_cost_vs_unmarked", m.psnr_cost_vs_unmarked);
+    read_optional("psnr_marked_vs_unmarked", m.psnr_marked_vs_unmarked);
+    return m;
+  };
+  if (json->contains("test") && !(*json)["test"].is_null()) results.test = read_test((*json)["test"], "test");
   if (json->contains("effects") && (*json)["effects"].is_array()) {
     for (const nlohmann::json& effect : (*json)["effects"]) {
       if (effect.is_string()) results.effects.push_back(effect.get<std::string>());
@@ -150,27 +162,22 @@ COMPMARK_APP_INLINE Result<RunResults> read_results(const std::filesystem::path&
     results.rate_lambda = lambda;
   }
   if (json->contains("method")) read(*json, "method", results.method, "");
-  if (json->contains("bit_accuracy")) {
-    const nlohmann::json& object = (*json)["bit_accuracy"];
-    WatermarkMetrics m;
-    read(object, "mean", m.mean, "bit_accuracy");
-    read(object, "min", m.min, "bit_accuracy");
-    read(object, "views", m.views, "bit_accuracy");
-    read(*json, "p_value", m.p_value, "");
-    read(*json, "largest_view_p_value", m.largest_view_p_value, "");
-    const auto read_optional = [&](const char* key, std::optional<double>& value) {
-      if (!json->contains(key) || (*json)[key].is_null()) return;
-      double number = 0;
-      read(*json, key, number, "");
-      value = number;
-    };
-    read_optional("psnr_cost_vs_unmarked", m.psnr_cost_vs_unmarked);
-    read_optional("psnr_marked_vs_unmarked", m.psnr_marked_vs_unmarked);
-    results.watermark = m;
-  }
+  if (json->contains("bit_accuracy")) results.watermark = read_mark(*json, "");
   if (json->contains("compressed") && (*json)["compressed"].is_object()) {
+    const nlohmann::json& object = (*json)["compressed"];
     CompressedMetrics compressed;
-    read((*json)["compressed"], "bytes", compressed.bytes, "compressed");
+    read(object, "codec", compressed.codec, "compressed");
+    read(object, "bytes", compressed.bytes, "compressed");
+    read(object, "anchors", compressed.anchors, "compressed");
+    read(object, "encode_seconds", compressed.encode_seconds, "compressed");
+    read(object, "decode_seconds", compressed.decode_seconds, "compressed");
+    if (object.contains("test") && !object["test"].is_null())
+      compressed.test = read_test(object["test"], "compressed.test");
+    if (object.contains("sections") && object["sections"].is_object()) {
+      for (const auto& [name, bytes] : object["sections"].items())
+        read(object["sections"], name.c_str(), compressed.sections.emplace_back(name, 0).second, "compressed.sections");
+    }
+    if (object.contains("bit_accuracy")) compressed.watermark = read_mark(object, "compressed");
     results.compressed = std::move(compressed);
   }
   if (json->contains("run")) results.identity = (*json)["run"].dump();

@@ -31,6 +31,7 @@ class RateStage : public Stage<RateStage<Rate>> {
     typename Rate::Context rate;
   };
   static constexpr bool changes_attributes = true;
+  static constexpr bool masks_gaussians = true;
 
   RateStage() = default;
   explicit RateStage(Rate rate) : rate_(std::move(rate)) {}
