@@ -33,6 +33,11 @@ foreach(switch BUILD_TESTING EIGEN_BUILD_DOC EIGEN_BUILD_TESTING EIGEN_BUILD_PKG
   endif()
 endforeach()
 
+# Our targets are exported with what they link, so a fetched json has to be installed where they are; it is not by default where it is no project of its own.
+if(NOT DEFINED JSON_Install)
+  set(JSON_Install ${COMPMARK_INSTALL})
+endif()
+
 find_package(Threads REQUIRED)
 compmark_dependency(Eigen3 Eigen3::Eigen https://gitlab.com/libeigen/eigen.git 3.4.0)
 compmark_dependency(nlohmann_json nlohmann_json::nlohmann_json https://github.com/nlohmann/json.git v3.11.3)

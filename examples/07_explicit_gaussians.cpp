@@ -4,7 +4,9 @@
 // Gaussians without anchors' networks: trains a scene, writes it as a 3DGS file that any viewer shows, reads that file
 // back as a model, and renders a view that was not trained on from both: the same picture.
 //   07_explicit_gaussians [dataset folder] [iterations] [downscale]   without a folder: the built-in scene
+#include <algorithm>
 #include <compmark/compmark.hpp>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -29,7 +31,7 @@ struct Views {
 struct PrintProgress {
   template <class Trainer>
   bool on_iteration(const Trainer& /*trainer*/, const compmark::IterationReport& report) const {
-    if (report.iteration % (report.total / 6) == 0) {
+    if (report.iteration % std::max<std::int64_t>(1, report.total / 6) == 0) {
       std::printf("iteration %lld: loss %.4f, %zu Gaussians\n", static_cast<long long>(report.iteration),
                   report.loss.total, report.anchors);
     }

@@ -94,14 +94,17 @@ extract_frames() {
   mv "$out/images.part" "$out/images"
 }
 export QT_QPA_PLATFORM=offscreen # COLMAP asks for a display, and needs none
+# What says that no GPU is there has another name from COLMAP 3.13 on.
+extraction=SiftExtraction matching=SiftMatching
+if colmap feature_extractor -h 2>&1 | grep -q FeatureExtraction.use_gpu; then extraction=FeatureExtraction matching=FeatureMatching; fi
 features_of_frames() {
   colmap feature_extractor --database_path "$work/database.db" --image_path "$out/images" --ImageReader.single_camera 1 --ImageReader.camera_model SIMPLE_RADIAL \
-    --SiftExtraction.use_gpu 0 --SiftExtraction.max_num_features "$features"
+    "--$extraction.use_gpu" 0 --SiftExtraction.max_num_features "$features"
 }
 match_frames() {
   case $pairs in
-    exhaustive) colmap exhaustive_matcher --database_path "$work/database.db" --SiftMatching.use_gpu 0 ;;
-    *) colmap sequential_matcher --database_path "$work/database.db" --SiftMatching.use_gpu 0 --SequentialMatching.overlap "$overlap" ;;
+    exhaustive) colmap exhaustive_matcher --database_path "$work/database.db" "--$matching.use_gpu" 0 ;;
+    *) colmap sequential_matcher --database_path "$work/database.db" "--$matching.use_gpu" 0 --SequentialMatching.overlap "$overlap" ;;
   esac
 }
 map_frames() {

@@ -10,6 +10,8 @@
 #include <cmath>
 #include <compmark/app/any_model.hpp>
 #include <compmark/app/proof.hpp>
+#include <compmark/app/run/mark_record.hpp>
+#include <compmark/app/run/payload_json.hpp>
 #include <compmark/app/verify.hpp>
 #include <compmark/version.hpp>
 #include <cstdint>
@@ -27,6 +29,9 @@
 #include <type_traits>
 #include <utility>
 #include <vector>
+
+// Records alone of what compmark::app_run compiles: that target would bring all of training with it.
+#include <compmark/app/run/detail/mark_record.hpp>
 
 using namespace compmark;
 
@@ -68,11 +73,14 @@ std::filesystem::path path_of(const char* text) {
   return std::filesystem::path(std::u8string(view.begin(), view.end()));
 }
 
-/// The decoder beside this library (lib, share/compmark/weights), or in the tree that it was built in.
-Result<std::filesystem::path> decoder_of(const char* given) {
+/// As the tool chooses: the decoder that is given; decoder.safetensors beside the model; the one beside this library
+/// (lib, share/compmark/weights), or in the tree that it was built in.
+Result<std::filesystem::path> decoder_of(const char* given, const std::filesystem::path& model) {
   if (given != nullptr) return path_of(given);
   constexpr const char* name = "universal3_64.safetensors";
   std::error_code status;
+  const std::filesystem::path of_model = model.parent_path() / "decoder.safetensors";
+  if (!model.empty() && std::filesystem::exists(of_model, status)) return of_model;
   Dl_info self{};
   std::vector<std::filesystem::path> places;
   if (dladdr(reinterpret_cast<const void*>(&compmark_abi), &self) != 0 && self.dli_fname != nullptr) {
@@ -93,10 +101,10 @@ Result<std::filesystem::path> decoder_of(const char* given) {
 
 Result<ReadingSettings> settings_of(const compmark_reading& reading) {
   ReadingSettings settings;
-  Result<std::filesystem::path> decoder = decoder_of(reading.decoder);
+  settings.model = path_of(reading.model);
+  Result<std::filesystem::path> decoder = decoder_of(reading.decoder, settings.model);
   if (!decoder) return decoder.error();
   settings.decoder = std::move(*decoder);
-  settings.model = path_of(reading.model);
   settings.unmarked = path_of(reading.unmarked);
   settings.interference = path_of(reading.interference);
   if ((reading.images == nullptr && reading.image_count != 0)) return missing("images");
@@ -149,7 +157,25 @@ Result<Done> check_camera(const Camera<double>& camera) {
         return is_wrong("rotation_camera_world", "is no rotation", "give orthonormal rows: right, down, ahead");
     }
   }
+  const double determinant =
+      r[0] * (r[4] * r[8] - r[5] * r[7]) - r[1] * (r[3] * r[8] - r[5] * r[6]) + r[2] * (r[3] * r[7] - r[4] * r[6]);
+  if (!(determinant > 0)) {
+    return is_wrong("rotation_camera_world", "is a reflection, which no camera is",
+                    "give orthonormal rows: right, down, ahead, with a determinant of 1");
+  }
   return Done{};
+}
+
+/// An error if the record of this key names another decoder than this one, in the words of this interface.
+Result<Done> check_decoder(const std::filesystem::path& key_file, const OwnerKey& key,
+                           const ReadingSettings& settings) {
+  constexpr const char* tools_word = "--decoder";
+  Result<Done> recorded = check_recorded(key_file, key, settings.decoder, settings.model, {});
+  if (recorded || recorded.error().field != tools_word) return recorded;
+  Error error = recorded.error();
+  error.field = "decoder";
+  error.remedy = "give the decoder on record, or a copy of it; to use this one anyway, set any_decoder";
+  return error;
 }
 
 struct Judged {
@@ -165,11 +191,15 @@ Result<Judged> judged(const compmark_reading& reading, bool reported, ThreadExec
   test.tries = reading.tests;
   if (const Result<Done> checked = check_settings(test); !checked) return checked.error();
   if (reading.key == nullptr) return missing("key");
-  const Result<OwnerKey> key = open_key(path_of(reading.key));
+  const std::filesystem::path key_file = path_of(reading.key);
+  const Result<OwnerKey> key = open_key(key_file);
   if (!key) return key.error();
   const ProofSettings proof{path_of(reading.claim), path_of(reading.time_stamp)};
   // A claim that is not of this key is told before the reading.
   if (const Result<ProofBasis> claimed = proof_basis(*key, {}, proof); !claimed) return claimed.error();
+  if (reading.any_decoder == 0) {
+    if (const Result<Done> recorded = check_decoder(key_file, *key, *settings); !recorded) return recorded.error();
+  }
   Result<VerificationReport> report = reading.mirrored != 0
                                           ? verify_either_way(*key, std::move(*settings), test, executor)
                                           : verify_files(*key, *settings, test, executor);
@@ -190,6 +220,7 @@ Result<Judged> judged(const compmark_reading& reading, bool reported, ThreadExec
   if (reported) {
     nlohmann::ordered_json json = report_json<nlohmann::ordered_json>(*report);
     json["proof"] = standing_json<nlohmann::ordered_json>(standing, *basis);
+    if (key->corrects != 0) json["payload"] = payload_json(*key, verification.read);
     // Names of files may be no UTF-8.
     result.report = json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
   }

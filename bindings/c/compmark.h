@@ -42,7 +42,7 @@ typedef struct compmark_model compmark_model;
 typedef struct compmark_camera {
   int32_t width, height;
   double fx, fy, cx, cy;
-  double rotation_camera_world[9]; /* rows */
+  double rotation_camera_world[9]; /* orthonormal rows, determinant 1 */
   double center_world[3];
 } compmark_camera;
 
@@ -55,10 +55,12 @@ typedef struct compmark_picture {
 } compmark_picture;
 
 /* What is read, and with what. compmark_reading_init fills it with what `compmark verify` does without options; then
- * set key, and model or images or pictures. Paths that are NULL are not given. */
+ * set key, and model or images or pictures. Paths that are NULL are not given. As there, it is an error if the record
+ * beside the key (KEY.record) or the model (mark.json) says that another decoder reads this mark; lines of a record
+ * that are damaged are ignored. */
 typedef struct compmark_reading {
   const char* key;     /* the owner's key file */
-  const char* decoder; /* NULL: the one that comes with the library */
+  const char* decoder; /* NULL: decoder.safetensors beside the model, or else the one that comes with the library */
   const char *claim, *time_stamp;
   const char* model;         /* a model, or */
   const char* unmarked;      /* of a model: what it says by itself is subtracted */
@@ -73,6 +75,7 @@ typedef struct compmark_reading {
   int32_t all_cameras;        /* of a model; 0: its test cameras, or those of its training where there are none */
   int32_t mirrored;           /* the pictures may have been mirrored, which counts as two tests */
   float background[3];        /* behind transparent pixels, 0 to 1 */
+  int32_t any_decoder;        /* take this decoder even if a record names another one */
 } compmark_reading;
 
 enum { COMPMARK_DETECTED = 0, COMPMARK_NOT_DETECTED = 1, COMPMARK_INCONCLUSIVE = 3 };

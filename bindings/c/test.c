@@ -3,7 +3,9 @@
  *
  * The C interface from C: test CMK KEY DECODER CLAIM OUT. Opens a compressed model, draws it, writes it, reads its mark
  * in the model and in pictures in memory, and asks for what must be refused. Prints what failed; the status is the
- * number of failures. */
+ * number of failures.
+ * test report KEY CMK: prints the report of a reading without options, or why there is none and exits with 2. `test
+ * report-any KEY CMK`: the same with any_decoder. */
 #include "compmark.h"
 
 #include <math.h>
@@ -29,6 +31,23 @@ static int says(const compmark_session* session, const char* word) {
   return 0;
 }
 
+static int print_report(compmark_session* session, const char* key, const char* model, int any_decoder) {
+  compmark_reading reading;
+  compmark_verdict verdict;
+  char* report = NULL;
+  compmark_reading_init(&reading);
+  reading.key = key;
+  reading.model = model;
+  reading.any_decoder = any_decoder;
+  if (compmark_verify(session, &reading, &verdict, &report) != 0) {
+    printf("%s\n", compmark_last_error(session));
+    return 2;
+  }
+  printf("%s\n", report);
+  compmark_text_free(report);
+  return 0;
+}
+
 int main(int argc, char** argv) {
   compmark_session* session = compmark_session_new(2);
   compmark_model *model, *again;
@@ -40,6 +59,11 @@ int main(int argc, char** argv) {
   size_t count, cameras, i, k;
   float *rgb, *other;
 
+  if (argc == 4 && session != NULL && strncmp(argv[1], "report", 6) == 0) {
+    const int status = print_report(session, argv[2], argv[3], strcmp(argv[1], "report-any") == 0);
+    compmark_session_free(session);
+    return status;
+  }
   if (argc != 6 || session == NULL) return 100;
   CHECK(compmark_abi() == COMPMARK_ABI);
   CHECK(strlen(compmark_version()) >= 5);
@@ -130,6 +154,11 @@ int main(int argc, char** argv) {
   broken = camera;
   broken.rotation_camera_world[0] += 1;
   CHECK(compmark_render(session, model, &broken, rgb, count) == -1 && says(session, "rotation"));
+  broken = camera; /* orthonormal, but a mirror image */
+  for (k = 0; k < 3; ++k) broken.rotation_camera_world[k] *= -1;
+  CHECK(compmark_render(session, model, &broken, rgb, count) == -1 && says(session, "reflection"));
+  for (k = 3; k < 6; ++k) broken.rotation_camera_world[k] *= -1; /* two axes turned: a rotation */
+  CHECK(compmark_render(session, model, &broken, rgb, count) == 0);
   CHECK(compmark_render(session, NULL, &camera, rgb, count) == -1 && says(session, "NULL"));
   CHECK(compmark_render(NULL, model, &camera, rgb, count) == -1);
   reading.key = NULL;

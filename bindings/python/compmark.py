@@ -47,7 +47,7 @@ class _Reading(ctypes.Structure):
                 ("model", c_char_p), ("unmarked", c_char_p), ("interference", c_char_p), ("images", POINTER(c_char_p)),
                 ("image_count", c_size_t), ("pictures", POINTER(_Picture)), ("picture_count", c_size_t),
                 ("false_positive_rate", c_double), ("tests", c_uint64), ("views", c_size_t), ("all_cameras", c_int32),
-                ("mirrored", c_int32), ("background", c_float * 3)]
+                ("mirrored", c_int32), ("background", c_float * 3), ("any_decoder", c_int32)]
 
 
 class _Verdict(ctypes.Structure):
@@ -60,8 +60,12 @@ def _place():
     if "COMPMARK_LIBRARY" in os.environ:
         return os.environ["COMPMARK_LIBRARY"]
     lib = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-    beside = glob.glob(os.path.join(lib, "libcompmark.so.1")) + glob.glob(os.path.join(lib, "*", "libcompmark.so.1"))
-    return beside[0] if beside else "libcompmark.so.1"
+    # Debian has lib/<architecture>, Fedora lib64.
+    for folder in [lib, os.path.join(lib, "*"), os.path.join(os.path.dirname(lib), "lib64")]:
+        beside = glob.glob(os.path.join(folder, "libcompmark.so.1"))
+        if beside:
+            return beside[0]
+    return "libcompmark.so.1"
 
 
 def _load():
@@ -96,7 +100,12 @@ version = _library.compmark_version().decode()
 
 
 def _path(path):
-    return None if path is None else os.fsencode(path)
+    if path is None:
+        return None
+    name = os.fsencode(path)
+    if b"\0" in name:  # C would read it up to there: another file
+        raise ValueError("compmark: a path has a character of value 0")
+    return name
 
 
 class Session:
@@ -227,8 +236,16 @@ def _bytes_of(picture):
 
 def verify(key, *, model=None, images=(), pictures=(), decoder=None, claim=None, time_stamp=None, unmarked=None,
            interference=None, false_positive_rate=1e-6, tests=1, views=0, all_cameras=False, mirrored=False,
-           background=(0, 0, 0), session=None):
-    """Is the message of this key in a model, in image files or folders, or in pictures (arrays)? A Verdict."""
+           background=(0, 0, 0), any_decoder=False, session=None):
+    """Is the message of this key in a model, in image files or folders, or in pictures (arrays)? A Verdict.
+
+    Without a decoder: decoder.safetensors beside the model, or else the one that comes with the library. any_decoder:
+    take it even if the record beside the key names another one. views: at most so many, 0: all.
+    """
+    if views < 0:
+        raise ValueError("compmark: views are 0 (all) or more")
+    if tests < 1:
+        raise ValueError("compmark: tests are 1 or more")
     session = _session(session)
     if isinstance(images, (str, bytes, os.PathLike)):
         images = [images]
@@ -249,7 +266,7 @@ def verify(key, *, model=None, images=(), pictures=(), decoder=None, claim=None,
     reading.pictures, reading.picture_count = given, len(arrays)
     reading.false_positive_rate, reading.tests, reading.views = false_positive_rate, tests, views
     reading.all_cameras, reading.mirrored = int(all_cameras), int(mirrored)
-    reading.background = (c_float * 3)(*background)
+    reading.background, reading.any_decoder = (c_float * 3)(*background), int(any_decoder)
     verdict, text = _Verdict(), c_void_p()
     session._call(_library.compmark_verify, byref(reading), byref(verdict), byref(text))
     try:

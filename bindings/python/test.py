@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The module as a user has it: test.py SOURCE."""
 
+import json
 import os
+import shutil
 import sys
 import tempfile
 import threading
@@ -53,6 +55,25 @@ class Binding(unittest.TestCase):
         grey = [numpy.full((64, 64), 0.5) + 0.1 * numpy.sin(numpy.arange(64) / 3)]
         self.assertNotEqual(self.read(pictures=grey).verdict, "detected")
 
+    def test_the_decoder_beside_the_model_is_taken_first(self):
+        with tempfile.TemporaryDirectory() as folder:
+            model = shutil.copy(os.path.join(MARKED, "hac.cmk"), folder)
+            # The control: without it the shipped decoder reads, which finds no mark of another.
+            self.assertLess(compmark.verify(KEY, model=model).matches, 20)
+            shutil.copy(DECODER, os.path.join(folder, "decoder.safetensors"))
+            of_model = compmark.verify(KEY, model=model)
+            self.assertEqual((of_model.bits, of_model.matches), (32, 28))
+            # The record of a key that names another decoder.
+            key = shutil.copy(KEY, folder)
+            with open(key) as text:
+                commitment = json.load(text)["commitment"]
+            with open(key + ".record", "w") as record:
+                json.dump({"schema": "compmark.mark.1", "key": {"id": "", "commitment": commitment},
+                           "decoder": {"file": "", "sha256": "", "tensors_sha256": "0"}, "models": []}, record)
+            with self.assertRaisesRegex(compmark.Error, "is not the decoder of this key's mark"):
+                compmark.verify(key, model=model)
+            self.assertEqual(compmark.verify(key, model=model, any_decoder=True).matches, 28)
+
     def test_one_file_and_one_array_are_not_taken_apart(self):
         picture = self.model.render(self.model.cameras[0])
         self.assertEqual(len(self.read(pictures=picture).report["views"]), 1)
@@ -85,6 +106,12 @@ class Binding(unittest.TestCase):
             self.read()
         with self.assertRaisesRegex(compmark.Error, "both given"):
             self.read(model=os.path.join(MARKED, "hac.cmk"), images=["photo.png"])
+        with self.assertRaisesRegex(ValueError, "value 0"):
+            compmark.Model(os.path.join(MARKED, "hac.cmk") + "\0.ply")
+        with self.assertRaisesRegex(ValueError, "views"):
+            self.read(images=["photo.png"], views=-1)
+        with self.assertRaisesRegex(ValueError, "tests"):
+            self.read(images=["photo.png"], tests=-1)
         with self.assertRaisesRegex(ValueError, "0 to 1024"):
             compmark.Session(-1)
         with self.assertRaisesRegex(ValueError, "not a number"):

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # examples/capture.sh from a video to a capture: sh run.sh <source folder>. The script's own part is tested: what it reads of the answers of ffmpeg
-# and COLMAP, of both generations of COLMAP's, and going on after an interruption. Those programs are replaced by shell scripts that answer alike.
+# and COLMAP, of both generations of COLMAP's, what it asks of either, and going on after an interruption. Those programs are replaced by shell scripts that answer alike.
 set -eu
 source=$1
 scratch=$(mktemp -d)
@@ -25,6 +25,30 @@ value() { # option, words...
   shift
   while [ $# -gt 1 ]; do [ "$1" != "$option" ] || echo "$2"; shift; done
 }
+# As COLMAP does, an option that it has not is refused. From 3.13 on two have other names.
+extraction=SiftExtraction matching=SiftMatching
+[ -z "${COLMAP_313:-}" ] || extraction=FeatureExtraction matching=FeatureMatching
+case $command in
+  feature_extractor) known="database_path image_path ImageReader.single_camera ImageReader.camera_model $extraction.use_gpu SiftExtraction.max_num_features" ;;
+  exhaustive_matcher) known="database_path $matching.use_gpu" ;;
+  sequential_matcher) known="database_path $matching.use_gpu SequentialMatching.overlap" ;;
+  *) known= ;;
+esac
+if [ -n "$known" ]; then
+  if [ "${2:-}" = -h ]; then
+    echo "Options can either be specified via command-line or by defining them in a .ini file passed to --project_path."
+    for option in $known; do echo "  --$option arg"; done
+    exit 0
+  fi
+  cpu=
+  for word; do
+    case $word in --*)
+      case " $known " in *" ${word#--} "*) ;; *) echo "Failed to parse options - unrecognised option '$word'." >&2; exit 1 ;; esac
+      case $word in *.use_gpu) cpu=$(value "$word" "$@") ;; esac ;;
+    esac
+  done
+  [ "$cpu" = 0 ] || { echo "qt.qpa.xcb: could not connect to display" >&2; exit 134; } # left at its default, it wants a GPU
+fi
 case $command in
   mapper) mkdir -p "$(value --output_path "$@")/0" ;;
   model_orientation_aligner) : >"$(value --output_path "$@")/cameras.bin" ;;
@@ -57,12 +81,21 @@ says "cameras: done before"
 capture 2 plain --size 800
 says "with other options"
 
-# Newer versions of COLMAP put time and place before every line.
+capture 0 pairs --every-pair
+frames pairs
+
+# Newer versions of COLMAP put time and place before every line, and have other names for two options.
 PREFIX='I20261129 08:00:00.000000 12345 model.cc:61] '
-export PREFIX
+COLMAP_313=1
+export PREFIX COLMAP_313
 capture 0 logged
 says "model 0: 12 of 12 frames, 345 points"
+capture 0 logged_pairs --every-pair
 unset PREFIX
+# Control: what a version does not know is refused, so that the script has asked.
+colmap sequential_matcher --SiftMatching.use_gpu 0 2>/dev/null && { echo "the new stand-in takes the old option"; exit 1; }
+unset COLMAP_313
+colmap sequential_matcher --FeatureMatching.use_gpu 0 2>/dev/null && { echo "the old stand-in takes the new option"; exit 1; }
 
 REGISTERED=5
 export REGISTERED

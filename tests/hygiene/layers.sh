@@ -52,14 +52,14 @@ for planted in "watermark/embed/a.hpp codec/hac/b.hpp" "codec/hac/a.hpp watermar
   fi
 done
 
-between | tsort >/dev/null 2>loops.$$ || true
-if grep -q loop loops.$$; then
+loops=$(mktemp)
+trap 'rm -f "$loops"' EXIT
+between | tsort >/dev/null 2>"$loops" || true
+if grep -q loop "$loops"; then
   echo "headers that include one another in a loop:"
-  cat loops.$$
-  rm -f loops.$$
+  cat "$loops"
   exit 1
 fi
-rm -f loops.$$
 echo "layer law holds: $(edges | wc -l) includes"
 
 optional=$(sed -nE '/set\(COMPMARK_OPTIONAL_COMPONENTS/,/\)/ { s/"([a-z]+ [a-z0-9_\/]+\.hpp) [A-Za-z:_]+"/\n\1\n/gp }' ../cmake/CompmarkTargets.cmake | grep -E '^[a-z]+ [a-z0-9_/]+\.hpp$')
