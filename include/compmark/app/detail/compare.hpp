@@ -15,8 +15,8 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/app/any_model.hpp"
 #include "compmark/app/compare.hpp"
-#include "compmark/app/detail/any_model.hpp"
 #include "compmark/app/detail/attacked_views.hpp"
 #include "compmark/app/detail/capture.hpp"
 #include "compmark/app/detail/compress.hpp"

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/app/any_model.hpp"
 #include "compmark/app/compress.hpp"
-#include "compmark/app/detail/any_model.hpp"
 #include "compmark/codec/container/cmk.hpp"
 #include "compmark/codec/container/container.hpp"
 #include "compmark/codec/context_gs/context_gs_format.hpp"

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/any_model.hpp"
 #include "compmark/app/detail/lpips_nets.hpp"
 #include "compmark/app/evaluate.hpp"
 #include "compmark/metric/colour_fit.hpp"

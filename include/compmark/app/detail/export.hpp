@@ -15,8 +15,8 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/app/detail/any_model.hpp"
-#include "compmark/app/detail/capture.hpp"
+#include "compmark/app/any_model.hpp"
+#include "compmark/app/capture.hpp"
 #include "compmark/app/detail/export_warnings.hpp"
 #include "compmark/app/export.hpp"
 #include "compmark/app/recipe_model.hpp"

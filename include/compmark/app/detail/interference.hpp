@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/any_model.hpp"
 #include "compmark/app/detail/files.hpp"
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/app/interference.hpp"

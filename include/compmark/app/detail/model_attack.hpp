@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/any_model.hpp"
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/app/model_attack.hpp"
 #include "compmark/splat/anchor/table.hpp"

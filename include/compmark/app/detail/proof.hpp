@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/any_model.hpp"
 #include "compmark/app/detail/reading.hpp"
 #include "compmark/app/proof.hpp"
 #include "compmark/io/file_kind.hpp"

@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/any_model.hpp"
 #include "compmark/app/detail/files.hpp"
 #include "compmark/app/detail/less_interference.hpp"
 #include "compmark/app/detail/picture.hpp"

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "compmark/app/detail/any_model.hpp"
+#include "compmark/app/any_model.hpp"
 #include "compmark/app/detail/files.hpp"
 #include "compmark/app/register_places.hpp"
 #include "compmark/app/spread.hpp"

@@ -3,9 +3,10 @@
 //
 // The target compmark::app_run: the functions of app/run, compiled once for the shipped recipes (app/compiled.hpp). It
 // is beside compmark::app because training of every recipe takes minutes of a compiler, and who only opens finished
-// models needs none of it. A program without CMake compiles both files with its own flags.
+// models needs none of it. The loops of most trainings are in the files app_run_*.cpp beside this one: together they
+// would take 3 GB of memory to compile. A program without CMake compiles all of these with its own flags.
 #if !defined(COMPMARK_APP_COMPILED)
-#error "compile app_run.cpp, and every file that includes headers of app, with -DCOMPMARK_APP_COMPILED"
+#error "compile app_run*.cpp, and every file that includes headers of app, with -DCOMPMARK_APP_COMPILED"
 #endif
 #include "compmark/app/run/detail/effect_choice.hpp"
 #include "compmark/app/run/detail/embed.hpp"

@@ -1,0 +1,46 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Runs of every shipped recipe without a codec, with a message, by name.
+#pragma once
+
+#include "compmark/app/run/detail/run_any.hpp"
+#include "compmark/app/run/detail/run_recipe.hpp"
+#include "compmark/recipes/captures.hpp"
+#include "compmark/recipes/explicit.hpp"
+#include "compmark/recipes/marked_codecs.hpp"
+#include "compmark/recipes/scaffold.hpp"
+
+namespace compmark::detail {
+
+/// A recipe without a codec, with a mark: one that trains with the scene, or that is hidden in plan.model.
+COMPMARK_APP_INLINE Result<RunOutcome> run_any_marked(const RunPlan& plan, const TrainSettings& settings,
+                                                      const RunMark& mark) {
+  using recipes::Marked, recipes::WithLostAnchors;
+  if (plan.recipe == "scaffold") {
+    if (mark.for_compression)
+      return run_recipe<recipes::MarkedForCompression<recipes::Scaffold, MarkingDecoder>>(plan, settings, &mark);
+    return run_recipe<WithLostAnchors<Marked<recipes::Scaffold, MarkingDecoder>>>(plan, settings, &mark);
+  }
+  if (plan.recipe == "explicit" && !mark.for_compression)
+    return run_recipe<WithLostAnchors<Marked<recipes::Explicit, MarkingDecoder>>>(plan, settings, &mark);
+  // The whole published method, which has the noise of quantization in it.
+  if (plan.recipe == "compmark-host")
+    return run_recipe<recipes::CompMarkGs<recipes::CompMarkBase, MarkingDecoder>>(plan, settings, &mark);
+  if (plan.recipe == "compmark-paper-host")
+    return run_recipe<recipes::CompMarkGsPaper<MarkingDecoder>>(plan, settings, &mark);
+  if (mark.for_compression) {
+    return Error{ErrorKind::unsupported,
+                 {},
+                 "--for-compression",
+                 "works with the recipe scaffold only",
+                 "leave the option out, or choose --recipe scaffold"};
+  }
+  if (plan.recipe == "scaffold+mask")
+    return run_recipe<WithLostAnchors<Marked<recipes::ScaffoldMasked, MarkingDecoder>>>(plan, settings, &mark);
+  if (plan.recipe == "scaffold+alpha")
+    return run_recipe<WithLostAnchors<Marked<recipes::ScaffoldAlpha, MarkingDecoder>>>(plan, settings, &mark);
+  return no_message_in(plan.recipe);
+}
+
+}  // namespace compmark::detail
