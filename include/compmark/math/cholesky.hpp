@@ -84,56 +84,85 @@ template <Executor E>
   return true;
 }
 
+namespace detail {
+/// Lanes in which the solves take their right-hand sides: 1 where so many do not fill whole registers.
+template <std::size_t Columns>
+inline constexpr int solve_lanes = Columns % static_cast<std::size_t>(native_width<double>) == 0 ? native_width<double>
+                                                                                                 : 1;
+}  // namespace detail
+
 /// L y = b for `Columns` right-hand sides in the place of b [n, Columns], whose first `first` rows are zero. `lower` is
 /// [n, n], above its diagonal anything.
 template <std::size_t Columns>
 void solve_lower(std::span<const double> lower, std::size_t n, std::size_t first, double* b) {
-  constexpr int columns = static_cast<int>(Columns), most = native_width<double>;
-  constexpr int width = columns % most == 0 && columns <= 2 * most ? most : 1;  // a row of b, in one or two packs
-  constexpr int rows = width > 1 ? detail::outer_rows<double, width> : 1, packs = columns / width;
+  constexpr int width = detail::solve_lanes<Columns>, packs = Columns % (2 * width) == 0 ? 2 : 1;
+  constexpr std::size_t group = static_cast<std::size_t>(width * packs);  // right-hand sides of a tile
+  constexpr int tile_rows = detail::outer_rows<double, width>;
   std::size_t i = first;
-  for (; width > 1 && i + rows <= n; i += rows) {
-    Pack<double, width> sum[rows][packs];
-    for (int r = 0; r < rows; ++r) {
-      for (int p = 0; p < packs; ++p) sum[r][p] = Pack<double, width>(0.0);
-    }
-    detail::outer_tile<double, width, rows, packs>(lower.data() + i * n + first, n, 1, b + first * Columns, Columns,
-                                                   i - first, sum);
-    double known[rows * Columns];
-    for (int r = 0; r < rows; ++r) {
-      for (int p = 0; p < packs; ++p) sum[r][p].store(known + r * columns + p * width);
-    }
-    for (std::size_t r = 0; r < rows; ++r) {
-      const double* const row = lower.data() + (i + r) * n + i;
-      double* const own = b + (i + r) * Columns;
-      for (std::size_t c = 0; c < Columns; ++c) own[c] -= known[r * Columns + c];
-      for (std::size_t k = 0; k < r; ++k) {
-        for (std::size_t c = 0; c < Columns; ++c) own[c] -= row[k] * b[(i + k) * Columns + c];
+  if constexpr (width > 1) {
+    constexpr std::size_t rows = static_cast<std::size_t>(tile_rows);
+    for (; i + rows <= n; i += rows) {
+      double known[rows * Columns];  // what the rows before the tile say
+      for (std::size_t column = 0; column < Columns; column += group) {
+        Pack<double, width> sum[tile_rows][packs];
+        for (int r = 0; r < tile_rows; ++r) {
+          for (int p = 0; p < packs; ++p) sum[r][p] = Pack<double, width>(0.0);
+        }
+        detail::outer_tile<double, width, tile_rows, packs>(lower.data() + i * n + first, n, 1,
+                                                            b + first * Columns + column, Columns, i - first, sum);
+        for (int r = 0; r < tile_rows; ++r) {
+          double* const row = known + static_cast<std::size_t>(r) * Columns + column;
+          for (int p = 0; p < packs; ++p) sum[r][p].store(row + p * width);
+        }
       }
-      for (std::size_t c = 0; c < Columns; ++c) own[c] /= row[r];
+      for (std::size_t r = 0; r < rows; ++r) {
+        const double* const row = lower.data() + (i + r) * n + i;
+        double* const own = b + (i + r) * Columns;
+        for (std::size_t c = 0; c < Columns; ++c) own[c] -= known[r * Columns + c];
+        for (std::size_t k = 0; k < r; ++k) {
+          for (std::size_t c = 0; c < Columns; ++c) own[c] -= row[k] * b[(i + k) * Columns + c];
+        }
+        for (std::size_t c = 0; c < Columns; ++c) own[c] /= row[r];
+      }
     }
   }
-  for (; i < n; ++i) {
+  for (; i < n; ++i) {  // rows that fill no tile
     const double* const row = lower.data() + i * n;
-    double sum[Columns];
-    std::copy_n(b + i * Columns, Columns, sum);
+    double sum[Columns] = {};
     for (std::size_t k = first; k < i; ++k) {
-      for (std::size_t c = 0; c < Columns; ++c) sum[c] -= row[k] * b[k * Columns + c];
+      for (std::size_t c = 0; c < Columns; ++c) sum[c] += row[k] * b[k * Columns + c];
     }
-    for (std::size_t c = 0; c < Columns; ++c) b[i * Columns + c] = sum[c] / row[i];
+    for (std::size_t c = 0; c < Columns; ++c) b[i * Columns + c] = (b[i * Columns + c] - sum[c]) / row[i];
   }
 }
 
 /// L^T x = y in the place of y [n, Columns].
 template <std::size_t Columns>
 void solve_lower_transposed(std::span<const double> lower, std::size_t n, double* y) {
-  for (std::size_t i = n; i-- > 0;) {
-    const double* const row = lower.data() + i * n;
-    double* const x = y + i * Columns;
-    for (std::size_t c = 0; c < Columns; ++c) x[c] /= row[i];
-    for (std::size_t k = 0; k < i; ++k) {
-      for (std::size_t c = 0; c < Columns; ++c) y[k * Columns + c] -= row[k] * x[c];
+  constexpr int width = detail::solve_lanes<Columns>, packs = static_cast<int>(Columns) / width;
+  constexpr std::size_t rows = 8;  // of L at once: every row of y before them is read and written once for so many
+  using P = Pack<double, width>;
+  for (std::size_t end = n; end > 0;) {
+    const std::size_t begin = end > rows ? end - rows : 0;
+    for (std::size_t i = end; i-- > begin;) {
+      const double* const row = lower.data() + i * n;
+      double* const x = y + i * Columns;
+      for (std::size_t c = 0; c < Columns; ++c) x[c] /= row[i];
+      for (std::size_t k = begin; k < i; ++k) {
+        for (std::size_t c = 0; c < Columns; ++c) y[k * Columns + c] -= row[k] * x[c];
+      }
     }
+    for (std::size_t k = 0; k < begin; ++k) {
+      double* const row = y + k * Columns;
+      P rest[packs];
+      for (int p = 0; p < packs; ++p) rest[p] = P::load(row + p * width);
+      for (std::size_t i = end; i-- > begin;) {
+        const P element(-lower[i * n + k]);
+        for (int p = 0; p < packs; ++p) rest[p] = fma(element, P::load(y + i * Columns + p * width), rest[p]);
+      }
+      for (int p = 0; p < packs; ++p) rest[p].store(row + p * width);
+    }
+    end = begin;
   }
 }
 
