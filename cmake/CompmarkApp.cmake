@@ -12,7 +12,8 @@ function(compmark_add_app folder library)
   target_compile_definitions(compmark_app PUBLIC COMPMARK_APP_COMPILED)
   target_link_libraries(compmark_app PUBLIC ${library})
   set(parts hac context_gs marked plain) # those that take longest first
-  list(TRANSFORM parts REPLACE "^(.*)$" "${folder}/run/app_run_\\1.cpp")
+  list(TRANSFORM parts PREPEND "${folder}/run/app_run_")
+  list(TRANSFORM parts APPEND ".cpp")
   add_library(compmark_app_run STATIC EXCLUDE_FROM_ALL ${parts} "${folder}/run/app_run.cpp")
   target_link_libraries(compmark_app_run PUBLIC compmark_app)
   # For shared libraries too (bindings/c); a function of theirs is not one that another library may replace, so that nothing is lost by it.
