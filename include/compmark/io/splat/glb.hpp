@@ -4,8 +4,8 @@
 // Reads binary glTF 2.0 with one primitive of KHR_gaussian_splatting (docs/splat_formats.md; layout in write_glb.hpp):
 // attributes as floats or as normalised integers of the extension, in the chunk of the file itself, interleaved or not.
 // Refused in words: compression extensions, several primitives, nodes that move the splats, other kernels, colours in
-// linear light. COLOR_0 is passed over. Every offset and count is compared with the bytes before memory is taken. Cost: a
-// pass over the values.
+// linear light. COLOR_0 is passed over. Every offset and count is compared with the bytes before memory is taken. Cost:
+// a pass over the values.
 #pragma once
 
 #include <array>

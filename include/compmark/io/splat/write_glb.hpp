@@ -5,8 +5,8 @@
 // it: not ratified when this was written. One primitive of points; every attribute is floats:
 //   POSITION, KHR_gaussian_splatting:ROTATION (x y z w), :SCALE (lengths), :OPACITY (0 to 1), :SH_DEGREE_l_COEF_n
 // and COLOR_0 in bytes for programs that draw points alone. The frame is glTF's: y up; the axes y and z of training are
-// turned round. Colours are display-referred sRGB, as training has them; COLOR_0 alone is linear, as glTF has it. Cost: a
-// pass over the values.
+// turned round. Colours are display-referred sRGB, as training has them; COLOR_0 alone is linear, as glTF has it. Cost:
+// a pass over the values.
 #pragma once
 
 #include <algorithm>
