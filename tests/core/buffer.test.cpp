@@ -6,7 +6,21 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <new>
 #include <utility>
+
+// The sanitizers end a program that asks for too much.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define COMPMARK_TEST_ALLOCATION_FAILS 0
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
+#define COMPMARK_TEST_ALLOCATION_FAILS 0
+#endif
+#endif
+#if !defined(COMPMARK_TEST_ALLOCATION_FAILS)
+#define COMPMARK_TEST_ALLOCATION_FAILS 1
+#endif
 
 using compmark::Buffer;
 
@@ -31,6 +45,22 @@ TEST_CASE("core/buffer: grow-only: memory is taken at most once per growth, neve
   buffer.resize(101);  // growth is geometric, so creeping growth does not allocate every time
   CHECK(buffer.capacity_bytes() >= 150 * sizeof(int));
 }
+
+#if COMPMARK_TEST_ALLOCATION_FAILS
+TEST_CASE("core/buffer: without memory a buffer is empty, and serves again") {
+  Buffer<char> buffer(100);
+  volatile std::size_t wanted = std::numeric_limits<std::size_t>::max() / 4;  // volatile: no compiler knows the size
+  CHECK_THROWS_AS(buffer.resize(wanted), std::bad_alloc);
+  CHECK(buffer.size() == 0);
+  CHECK(buffer.empty());
+  CHECK(buffer.capacity_bytes() == 0);
+  CHECK(buffer.span().empty());
+  const Buffer<char> copy = buffer;  // which reads no value of it
+  CHECK(copy.empty());
+  buffer.resize(3, 'x');
+  CHECK(buffer[2] == 'x');
+}
+#endif
 
 TEST_CASE("core/buffer: resize with a value, copy and move") {
   Buffer<double> buffer;

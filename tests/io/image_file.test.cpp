@@ -18,8 +18,13 @@ static_assert(sizeof(&::stbi_load) > 0, "stb's own stdio functions are declared,
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
+#include <span>
+#include <string>
+#include <vector>
 
+#include "support/png_text.hpp"
 #include "support/scene_files.hpp"
 
 using namespace compmark;
@@ -36,6 +41,43 @@ ImageBytes noise_image(int width, int height, int channels) {
 }
 
 }  // namespace
+
+TEST_CASE("io/image_file: the header of a PNG with a transparent colour says the channels that decoding gives") {
+  const auto pixel = [](int type) {
+    return [type](int x, int y) {
+      std::vector<int> values{10 * x, 10 * y, 30};
+      values.resize(type == 0 || type == 3 ? 1 : 3);
+      if (type == 3) values[0] = x % 2;
+      return values;
+    };
+  };
+  const std::string two_colors("\1\2\3\4\5\6", 6);
+  for (const int type : {0, 2, 3}) {
+    for (const int bits : {8, 16}) {
+      if (type == 3 && bits == 16) continue;
+      for (const bool transparent : {false, true}) {
+        CAPTURE(type);
+        CAPTURE(bits);
+        CAPTURE(transparent);
+        const std::string key = type == 3 ? std::string("\0\377", 2) : std::string(type == 0 ? 2 : 6, '\0');
+        const std::string text =
+            png_text(3, 2, bits, type, pixel(type), type == 3 ? two_colors : "", transparent ? key : "");
+        const std::span<const std::byte> bytes = std::as_bytes(std::span<const char>(text));
+        const Result<ImageInfo> info = decode_image_info(bytes, "x.png");
+        const Result<ImageBytes> image = decode_image(bytes, "x.png");
+        REQUIRE(info.ok());
+        REQUIRE(image.ok());
+        CHECK(image->channels == (type == 0 ? 1 : 3) + (transparent ? 1 : 0));
+        CHECK(info->channels == image->channels);
+        CHECK(info->has_alpha() == transparent);
+        CHECK(info->bits == bits);
+        // A file that is cut anywhere is an error or not, but never more than there is.
+        for (std::size_t size = 0; size < text.size(); ++size)
+          static_cast<void>(decode_image_info(bytes.first(size), "x.png"));
+      }
+    }
+  }
+}
 
 TEST_CASE("io/image_file: PNG keeps every byte, for 1 to 4 channels and odd sizes") {
   const TemporaryFolder folder;

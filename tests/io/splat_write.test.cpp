@@ -384,6 +384,79 @@ TEST_CASE("io/splat_write: .glb holds floats in the frame of glTF: they are read
   }
 }
 
+TEST_CASE("io/splat_write: lengths beyond a float's are held, and the file is read") {
+  for (const SplatFormat format : {SplatFormat::splat, SplatFormat::glb}) {
+    CAPTURE(splat_format_name(format));
+    SplatTable table = random_splats(5, 0);
+    table.log_scale[1][2] = 88.7f;
+    table.log_scale[2][4] = -std::numeric_limits<float>::infinity();
+    CHECK(notes_of(table, format).empty());
+    table.log_scale[0][3] = 88.8f;
+    table.log_scale[0][4] = 1e30f;
+    const SplatTable read = read_back(encoded(table, format), "scene.splat");
+    CHECK(read.log_scale[1][2] == doctest::Approx(88.7).epsilon(1e-6));
+    CHECK(read.log_scale[2][4] == -std::numeric_limits<float>::infinity());
+    CHECK(read.log_scale[0][3] == doctest::Approx(88.72).epsilon(1e-6));
+    CHECK(read.log_scale[0][4] == read.log_scale[0][3]);
+    const std::vector<std::string> notes = notes_of(table, format);
+    REQUIRE(notes.size() == 1);
+    CHECK(notes[0].find("2 log scales lie outside of -infinity to 88.72") != std::string::npos);
+  }
+}
+
+TEST_CASE("io/splat_write: glTF's COLOR_0 is linear light, and says nothing to who reads splats") {
+  SplatTable table = random_splats(3, 1);
+  // Display-referred colours, and what sRGB makes of them (IEC 61966-2-1): 0.5 is 0.21404 of the light.
+  table.color(0, 0)[0] = 0;
+  table.color(1, 0)[0] = static_cast<float>(0.5 / sh_constant);
+  table.color(2, 0)[0] = static_cast<float>(-0.3 / sh_constant);  // a colour of 0.2: 0.033105
+  table.color(0, 0)[1] = 30;
+  table.color(1, 0)[1] = -30;
+  table.opacity[0] = 0;
+  SplatBytes bytes = encoded(table, SplatFormat::glb);
+  ByteReader reader(bytes);
+  static_cast<void>(reader.take(12));
+  const std::uint32_t size = reader.get<std::uint32_t>();
+  static_cast<void>(reader.take(4));
+  const nlohmann::json gltf = nlohmann::json::parse(reader.text(size));
+  const std::size_t accessor = gltf["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"];
+  const std::size_t view = gltf["accessors"][accessor]["bufferView"];
+  const std::size_t at = 12 + 8 + size + 8 + gltf["bufferViews"][view]["byteOffset"].get<std::size_t>();
+  const auto byte = [&](std::size_t i) { return std::to_integer<int>(bytes[at + i]); };
+  CHECK(byte(0) == 55);
+  CHECK(byte(1) == 255);
+  CHECK(byte(2) == 8);
+  CHECK(byte(3) == 128);  // opacity is linear as it is
+  CHECK(byte(4) == 255);
+  CHECK(byte(5) == 0);
+  const SplatTable read = read_back(bytes);
+  for (std::size_t i = 0; i < 12; ++i) bytes[at + i] = std::byte{77};
+  CHECK(read_back(bytes).sh == read.sh);
+  CHECK(read.sh == table.sh);
+}
+
+TEST_CASE("io/splat_write: glTF with colours of another space is refused") {
+  const SplatBytes bytes = encoded(random_splats(3, 1), SplatFormat::glb);
+  const std::string text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const auto with = [&](const std::string& from, std::string to) {  // of the same length
+    std::string other = text;
+    to.resize(from.size(), ' ');
+    REQUIRE(other.find(from) != std::string::npos);
+    other.replace(other.find(from), from.size(), to);
+    return parse_splat(ByteWriter().put(std::string_view(other)).take(), "scene.glb");
+  };
+  CHECK(with("\"srgb_rec709_display\"", "\"srgb_rec709_display\"").ok());
+  for (const std::string other : {"\"lin_rec709_display\"", "\"\"", "7", "null"}) {
+    CAPTURE(other);
+    const Result<SplatFile> read = with("\"srgb_rec709_display\"", other);
+    REQUIRE_FALSE(read.ok());
+    CHECK(read.error().kind == ErrorKind::unsupported);
+    CHECK(read.error().field == "colorSpace");
+    CHECK(read.error().remedy.find("display-referred") != std::string::npos);
+  }
+  CHECK(with("\"colorSpace\"", "\"other\"").error().field == "colorSpace");  // required
+}
+
 TEST_CASE("io/splat_write: the same bytes at any number of threads, and no splats or no numbers are refused") {
   const SplatTable table = random_splats(9000, 2);
   SplatWriteSettings settings;

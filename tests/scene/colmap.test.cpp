@@ -4,8 +4,11 @@
 #include <compmark/scene/extent.hpp>
 #include <compmark/scene/open.hpp>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "support/scene_files.hpp"
 
@@ -221,6 +224,47 @@ TEST_CASE("scene/colmap: bad input is named by file, field and remedy") {
   SUBCASE("wrong proportions") {
     put_image(folder.path() / "images/view2.png", 12, 16);
     CHECK(names(error(), "view2.png", "image size", "neither cropped nor rotated"));
+  }
+}
+
+TEST_CASE("scene/colmap: scaled copies fit their camera if one side is rounded to a pixel, upright or across") {
+  const auto opens = [](std::array<int, 2> camera, std::array<int, 2> image, bool upright) {
+    if (upright) {
+      std::swap(camera[0], camera[1]);
+      std::swap(image[0], image[1]);
+    }
+    CAPTURE(camera[0]);
+    CAPTURE(camera[1]);
+    CAPTURE(image[0]);
+    CAPTURE(image[1]);
+    const TemporaryFolder folder;
+    ColmapModel model = small_colmap_model();
+    for (auto& [id, of] : model.cameras) {
+      const double w = camera[0], h = camera[1], f = w + h;
+      of = {1, static_cast<std::uint64_t>(camera[0]), static_cast<std::uint64_t>(camera[1]), {f, f, w / 2, h / 2}};
+    }
+    put_colmap_binary(folder.path() / "sparse/0", model);
+    put_colmap_images(folder.path() / "images", model, image[0], image[1]);
+    const Result<Dataset> dataset = open_dataset(folder.path(), {});
+    if (!dataset.ok()) CHECK(names(dataset.error(), "view0.png", "image size", "neither cropped nor rotated"));
+    if (dataset.ok()) {
+      CHECK(dataset->views[0].camera.width == image[0]);
+      CHECK(dataset->views[0].camera.height == image[1]);
+    }
+    return dataset.ok();
+  };
+  for (const bool upright : {false, true}) {
+    CAPTURE(upright);
+    CHECK(opens({1448, 1087}, {181, 135}, upright));  // a phone's picture and an eighth of it, floored
+    CHECK(opens({1448, 1087}, {181, 136}, upright));
+    CHECK(opens({600, 400}, {100, 67}, upright));
+    CHECK(opens({100, 67}, {600, 400}, upright));  // the camera is for the smaller ones
+    // Two pixels are no rounding, nor are sides that were exchanged.
+    CHECK_FALSE(opens({1448, 1087}, {181, 138}, upright));
+    CHECK_FALSE(opens({1448, 1087}, {181, 134}, upright));
+    CHECK_FALSE(opens({1448, 1087}, {179, 136}, upright));
+    CHECK_FALSE(opens({100, 67}, {600, 414}, upright));
+    CHECK_FALSE(opens({100, 67}, {67, 100}, upright));
   }
 }
 

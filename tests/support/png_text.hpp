@@ -11,10 +11,11 @@
 
 namespace compmark::testing {
 
-/// A PNG of `bits` and `channels` (by PNG's colour type), uncompressed; `palette` of RGB triples where there is one.
+/// A PNG of `bits` and `channels` (by PNG's colour type), uncompressed; `palette` of RGB triples where there is one,
+/// and `transparent`, the contents of a tRNS chunk.
 inline std::string png_text(int width, int height, int bits, int type,
-                            const std::function<std::vector<int>(int x, int y)>& pixel,
-                            const std::string& palette = "") {
+                            const std::function<std::vector<int>(int x, int y)>& pixel, const std::string& palette = "",
+                            const std::string& transparent = "") {
   const auto big = [](std::uint32_t v) {
     std::string text;
     for (int shift = 24; shift >= 0; shift -= 8) text += static_cast<char>(v >> shift & 0xFF);
@@ -53,7 +54,7 @@ inline std::string png_text(int width, int height, int bits, int type,
   std::string header = big(static_cast<std::uint32_t>(width)) + big(static_cast<std::uint32_t>(height));
   header += {static_cast<char>(bits), static_cast<char>(type), 0, 0, 0};
   return "\x89PNG\r\n\x1a\n" + chunk("IHDR", header) + (palette.empty() ? "" : chunk("PLTE", palette)) +
-         chunk("IDAT", stream) + chunk("IEND", "");
+         (transparent.empty() ? "" : chunk("tRNS", transparent)) + chunk("IDAT", stream) + chunk("IEND", "");
 }
 
 }  // namespace compmark::testing

@@ -47,11 +47,12 @@ class Buffer {
   ~Buffer() = default;
 
   /// Sets the size. New memory is taken only above the capacity, with half as much again to spare; the contents are
-  /// then lost.
+  /// then lost. Without memory std::bad_alloc is thrown and the buffer is empty.
   void resize(std::size_t count) {
     if (count > capacity_) {
       const std::size_t wanted = with_spare(count);
       data_.reset();
+      size_ = 0;  // as the capacity: what is left where there is no memory is an empty buffer
       capacity_ = 0;
       data_.reset(static_cast<T*>(::operator new (wanted * sizeof(T) + alignment, std::align_val_t{alignment})));
       detail::prefer_huge_pages(data_.get(), wanted * sizeof(T));

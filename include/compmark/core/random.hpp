@@ -38,7 +38,7 @@ class Random {
   [[nodiscard]] constexpr std::uint64_t bits(std::uint64_t index) const {
     return mix_bits(key_ ^ mix_bits(index * 0xD1342543DE82EF95ull + 1));
   }
-  /// Uniform in the open interval (0, 1): a multiple of 2^-53 plus 2^-54.
+  /// Uniform in the open interval (0, 1): a multiple of 2^-52 plus 2^-53.
   [[nodiscard]] constexpr double uniform(std::uint64_t index) const {
     return (static_cast<double>(bits(index) >> 12) + 0.5) * 0x1p-52;
   }

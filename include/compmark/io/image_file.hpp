@@ -101,6 +101,7 @@ inline Error damaged_image(const std::string& name, const std::string& how) {
         "scale it down below " + std::to_string(image_pixel_limit >> 20) + " megapixels");
   }
   if (detail::stb::stbi_is_16_bit_from_memory(data, static_cast<int>(bytes.size())) != 0) info.bits = 16;
+  if (const int plain = detail::png_plain_channels(bytes); plain != 0) info.channels = plain;
   info.orientation = jpeg_orientation(bytes);
   return info;
 }

@@ -66,6 +66,26 @@ namespace detail {
   return nullptr;
 }
 
+/// The channels that decoding a PNG of grey or RGB pixels gives, with one for alpha where a tRNS chunk names a colour
+/// that is transparent; 0 for other files. Some releases of stb do not count that one from the header.
+[[nodiscard]] inline int png_plain_channels(std::span<const std::byte> bytes) {
+  int channels = 0;
+  if (!is_png(bytes)) return 0;
+  for (std::size_t at = 8; bytes.size() >= at + 8;) {
+    std::uint64_t length = 0;
+    for (std::size_t i = 0; i < 4; ++i) length = 256 * length + std::to_integer<unsigned>(bytes[at + i]);
+    const auto is = [&](const char* chunk) { return std::memcmp(bytes.data() + at + 4, chunk, 4) == 0; };
+    if (is("IDAT") || is("IEND") || length > bytes.size() - at - 8) break;
+    if (is("IHDR") && length > 9) {
+      const int type = std::to_integer<int>(bytes[at + 17]);
+      channels = type == 0 ? 1 : type == 2 ? 3 : 0;
+    }
+    if (is("tRNS")) return channels == 0 ? 0 : channels + 1;
+    at += 12 + static_cast<std::size_t>(length);
+  }
+  return channels;
+}
+
 /// A PNG whose palette has all of its 256 colours, those that it lacks black; empty where nothing is to be done. stb
 /// takes what a pixel names beyond the palette from the stack.
 [[nodiscard]] inline std::vector<std::byte> with_whole_palette(std::span<const std::byte> bytes) {

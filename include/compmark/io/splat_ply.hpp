@@ -94,7 +94,7 @@ namespace detail {
     }
     const char* const color = property.starts_with("f_dc_") ? colors[static_cast<std::size_t>(property[5] - '0')] : "";
     const PlyProperty* const bytes = vertex->find(color);
-    if (bytes == nullptr || bytes->type != PlyType::uint8) {
+    if (bytes == nullptr || bytes->declared != PlyType::uint8) {
       failure = fail(ErrorKind::malformed, property, "is missing", "export the file again");
       return;
     }

@@ -6,6 +6,7 @@
 // one sentence each.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -89,9 +90,11 @@ inline void look_at_intrinsics(const View& view, const Camera<double>& c, Reader
   if (!info) return info.error();
   ++notes.images;
   if (info->bits == 16) ++notes.sixteen_bit;
-  // A scaled copy has the same proportions up to the rounding of one pixel.
+  // A scaled copy has the same proportions up to one pixel on either side of the smaller size: who made it rounded
+  // the width or the height, and the camera may be for the smaller images.
   const auto fits = [&](int width, int height) {
-    return std::abs(static_cast<double>(camera_height) * width / camera_width - height) <= 1.0;
+    const double apart = static_cast<double>(camera_height) * width - static_cast<double>(height) * camera_width;
+    return std::abs(apart) <= std::max({width, height, camera_width, camera_height});
   };
   if (info->orientation != 1) {
     const bool turn = exchanges_sides(info->orientation) && camera_width > 0 && !fits(info->width, info->height) &&

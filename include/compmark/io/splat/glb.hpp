@@ -3,8 +3,9 @@
 //
 // Reads binary glTF 2.0 with one primitive of KHR_gaussian_splatting (docs/splat_formats.md; layout in write_glb.hpp):
 // attributes as floats or as normalised integers of the extension, in the chunk of the file itself, interleaved or not.
-// Refused in words: compression extensions, several primitives, nodes that move the splats, other kernels. Every offset
-// and count is compared with the bytes before memory is taken. Cost: a pass over the values.
+// Refused in words: compression extensions, several primitives, nodes that move the splats, other kernels, colours in
+// linear light. COLOR_0 is passed over. Every offset and count is compared with the bytes before memory is taken. Cost:
+// a pass over the values.
 #pragma once
 
 #include <array>
@@ -163,6 +164,12 @@ class GlbParser {
     const Json& kernel = member(extension, "kernel");
     if (!kernel.is_string() || kernel.template get<std::string>() != "ellipse")
       return error(ErrorKind::unsupported, "kernel", "is not \"ellipse\"", "export Gaussians");
+    // Linear colours are no linear function of those of training: no harmonics hold them exactly.
+    const Json& space = member(extension, "colorSpace");
+    if (!space.is_string() || space.template get<std::string>() != glb_color_space) {
+      return error(ErrorKind::unsupported, "colorSpace", "is not \"" + std::string(glb_color_space) + "\"",
+                   "export it with display-referred colours");
+    }
     if (!member(extension, "extensions").is_null()) {
       return error(ErrorKind::unsupported, "extensions", "of KHR_gaussian_splatting change what the numbers mean",
                    "export it without compression");

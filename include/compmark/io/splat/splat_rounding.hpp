@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <string>
@@ -83,6 +84,16 @@ struct HeldNumbers {
     notes.push_back(std::to_string(count) + " " + what + " lie outside of " + range + " and are held at its ends");
   }
 };
+
+/// Log scales whose length is a finite float: the largest of those is e^88.7228.
+inline constexpr float most_log_scale = 88.72f;
+inline constexpr const char* log_scale_range = "-infinity to 88.72";
+
+/// The length of a log scale; 0 for minus infinity.
+[[nodiscard]] inline float held_length(float log_scale, HeldNumbers& held) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  return std::exp(static_cast<float>(held(static_cast<double>(log_scale), -infinity, double{most_log_scale})));
+}
 
 /// w x y z of a row, of norm 1.
 [[nodiscard]] inline std::array<double, 4> unit_rotation(const SplatTable& table, std::size_t row) {

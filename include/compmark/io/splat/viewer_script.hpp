@@ -40,7 +40,8 @@ void main() {
   if (p.z < near || place.w < 1.0 / 255.0) return;
   vec4 a = at(shapes, 2 * i), b = at(shapes, 2 * i + 1);
   mat3 world = mat3(a.x, a.y, a.z, a.y, a.w, b.x, a.z, b.x, b.y);
-  vec2 most = 1.3 * size / (2.0 * focal), t = clamp(p.xy / p.z, -most, most) * p.z;
+  vec2 low = -(middle + 0.15 * size) / focal, high = (1.15 * size - middle) / focal;
+  vec2 t = clamp(p.xy / p.z, low, high) * p.z;
   mat3 jacobian = mat3(focal.x / p.z, 0, 0, 0, focal.y / p.z, 0,
                        -focal.x * t.x / (p.z * p.z), -focal.y * t.y / (p.z * p.z), 0);
   mat3 through = jacobian * turn, image = through * world * transpose(through);

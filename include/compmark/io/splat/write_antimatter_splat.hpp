@@ -6,7 +6,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -20,10 +19,10 @@ namespace compmark {
 [[nodiscard]] inline EncodedSplats antimatter_splat_bytes_of(const SplatTable& table) {
   EncodedSplats encoded;
   ByteWriter out;
-  detail::HeldNumbers colors;
+  detail::HeldNumbers scales, colors;
   for (std::size_t row = 0; row < table.count; ++row) {
     for (std::size_t axis = 0; axis < 3; ++axis) out.put(table.mean[axis][row]);
-    for (std::size_t axis = 0; axis < 3; ++axis) out.put(std::exp(table.log_scale[axis][row]));
+    for (std::size_t axis = 0; axis < 3; ++axis) out.put(detail::held_length(table.log_scale[axis][row], scales));
     for (std::size_t channel = 0; channel < 3; ++channel) {
       const double color = colors(detail::color_of_dc(table.color(channel, 0)[row]), 0, 1);
       out.put(detail::nearest_byte(255 * color));
@@ -32,6 +31,7 @@ namespace compmark {
     for (const double x : detail::unit_rotation(table, row)) out.put(detail::nearest_byte(128 + 128 * x));
   }
   encoded.bytes = out.take();
+  scales.tell("log scales", detail::log_scale_range, encoded.notes);
   colors.tell("colours", "0 to 1", encoded.notes);
   if (table.degree > 0) encoded.notes.emplace_back("the format has no harmonics: the colours are those of degree 0");
   return encoded;

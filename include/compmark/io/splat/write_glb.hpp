@@ -5,7 +5,8 @@
 // it: not ratified when this was written. One primitive of points; every attribute is floats:
 //   POSITION, KHR_gaussian_splatting:ROTATION (x y z w), :SCALE (lengths), :OPACITY (0 to 1), :SH_DEGREE_l_COEF_n
 // and COLOR_0 in bytes for programs that draw points alone. The frame is glTF's: y up; the axes y and z of training are
-// turned round. Colours are display-referred sRGB, as training has them. Cost: a pass over the values.
+// turned round. Colours are display-referred sRGB, as training has them; COLOR_0 alone is linear, as glTF has it. Cost:
+// a pass over the values.
 #pragma once
 
 #include <algorithm>
@@ -30,6 +31,7 @@ namespace detail {
 /// Signs of glTF's axes against those of training.
 inline constexpr AxisSigns glb_axes{1, -1, -1};
 inline constexpr std::string_view glb_extension = "KHR_gaussian_splatting";
+inline constexpr std::string_view glb_color_space = "srgb_rec709_display";
 inline constexpr std::uint32_t glb_magic = 0x46546c67, glb_json_chunk = 0x4e4f534a, glb_bin_chunk = 0x004e4942;
 inline constexpr int gltf_float = 5126, gltf_unsigned_byte = 5121;
 
@@ -39,6 +41,12 @@ inline constexpr int gltf_float = 5126, gltf_unsigned_byte = 5121;
   while ((degree + 1) * (degree + 1) <= i) ++degree;
   return std::string(glb_extension) + ":SH_DEGREE_" + std::to_string(degree) + "_COEF_" +
          std::to_string(i - degree * degree);
+}
+
+/// Linear light of an sRGB value (IEC 61966-2-1), held in [0, 1].
+[[nodiscard]] inline double linear_of_srgb(double value) {
+  const double v = std::clamp(value, 0.0, 1.0);
+  return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
 }
 
 template <class Json>
@@ -56,14 +64,18 @@ class GlbEncoder {
       const std::size_t k = (c + 1) % 4;
       return signs.rotation[k] * static_cast<float>(unit_rotation(table_, row)[k]);
     });
-    attribute(prefix + "SCALE", 3, [&](std::size_t row, std::size_t c) { return std::exp(table_.log_scale[c][row]); });
+    HeldNumbers scales;
+    attribute(prefix + "SCALE", 3,
+              [&](std::size_t row, std::size_t c) { return held_length(table_.log_scale[c][row], scales); });
     attribute(prefix + "OPACITY", 1,
               [&](std::size_t row, std::size_t) { return static_cast<float>(opacity_of_logit(table_.opacity[row])); });
     for (std::size_t i = 0; i < table_.coefficients(); ++i) {
       attribute(glb_harmonic(i), 3,
                 [&](std::size_t row, std::size_t c) { return signs.harmonics[i] * table_.color(c, i)[row]; });
     }
-    return file(name);
+    Result<EncodedSplats> encoded = file(name);
+    if (encoded) scales.tell("log scales", log_scale_range, encoded->notes);
+    return encoded;
   }
 
  private:
@@ -96,7 +108,8 @@ class GlbEncoder {
   void colors() {
     const std::size_t begin = data_.size();
     for (std::size_t row = 0; row < table_.count; ++row) {
-      for (std::size_t c = 0; c < 3; ++c) data_.put(nearest_byte(255 * color_of_dc(table_.color(c, 0)[row])));
+      for (std::size_t c = 0; c < 3; ++c)
+        data_.put(nearest_byte(255 * linear_of_srgb(color_of_dc(table_.color(c, 0)[row]))));
       data_.put(nearest_byte(255 * opacity_of_logit(table_.opacity[row])));
     }
     accessor("COLOR_0", gltf_unsigned_byte, "VEC4", begin);
@@ -114,7 +127,7 @@ class GlbEncoder {
                                                                           {"extensions",
                                                                            {{glb_extension,
                                                                              {{"kernel", "ellipse"},
-                                                                              {"colorSpace", "srgb_rec709_display"},
+                                                                              {"colorSpace", glb_color_space},
                                                                               {"sortingMethod", "cameraDistance"},
                                                                               {"projection", "perspective"}}}}}}})}}})},
                     {"accessors", accessors_},
