@@ -19,7 +19,7 @@
 #include "compmark/app/recipe_names.hpp"
 #include "compmark/app/run/detail/embed_baseline.hpp"
 #include "compmark/app/run/detail/embed_decoder.hpp"
-#include "compmark/app/run/detail/run_any.hpp"
+#include "compmark/app/run/detail/run_loops.hpp"
 #include "compmark/app/run/embed.hpp"
 #include "compmark/app/spread.hpp"
 #include "compmark/io/file_exists.hpp"

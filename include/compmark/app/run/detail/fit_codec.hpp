@@ -12,7 +12,7 @@
 #include "compmark/app/compress.hpp"
 #include "compmark/app/files.hpp"
 #include "compmark/app/recipe_names.hpp"
-#include "compmark/app/run/detail/run_any.hpp"
+#include "compmark/app/run/detail/run_loops.hpp"
 #include "compmark/app/run/detail/run_mark.hpp"
 #include "compmark/app/run/fit_codec.hpp"
 #include "compmark/app/run/mark_record.hpp"

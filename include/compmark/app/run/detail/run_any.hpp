@@ -43,10 +43,3 @@ namespace detail {
 
 }  // namespace detail
 }  // namespace compmark
-
-#if !defined(COMPMARK_APP_COMPILED)
-#include "compmark/app/run/detail/run_any_context_gs.hpp"
-#include "compmark/app/run/detail/run_any_hac.hpp"
-#include "compmark/app/run/detail/run_any_marked.hpp"
-#include "compmark/app/run/detail/run_any_plain.hpp"
-#endif

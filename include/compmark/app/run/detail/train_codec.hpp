@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "compmark/app/recipe_names.hpp"
-#include "compmark/app/run/detail/run_any.hpp"
+#include "compmark/app/run/detail/run_loops.hpp"
 #include "compmark/app/run/detail/train_effects.hpp"
 
 namespace compmark::detail {
