@@ -178,6 +178,9 @@ Command add_export(Options& app) {
       ->capture_default_str();
   app.reads("--data", options->settings.data, InputKind::dataset,
             "dataset; reports the loss against its photographs too");
+  app.number("--downscale", options->settings.downscale, downscale_range,
+             "divide the size of the photographs by this, as in the training")
+      ->capture_default_str();
   app.number("--compare", options->settings.compare, any_count, "number of views to measure the loss on; 0: none")
       ->capture_default_str();
   app.number("--threads", options->threads, thread_range, "0: all")->capture_default_str();
@@ -188,6 +191,13 @@ Command add_export(Options& app) {
         return fail(Error{ErrorKind::invalid, options->out.string(), name,
                           "is for SPZ files, and --out names another format", "leave it out, or end --out in .spz"});
       }
+    }
+    if (app.count("--downscale") != 0 && options->settings.data.empty()) {
+      return fail(Error{ErrorKind::invalid,
+                        {},
+                        "--downscale",
+                        "is of photographs, and no --data is given",
+                        "leave it out, or give --data"});
     }
     if (options->kind == "anchors") options->settings.kind = ExportKind::anchors;
     const bool page = options->kind == "splat" && options->out.extension() == ".html";

@@ -108,6 +108,9 @@ TEST_CASE("app/evaluate: only pixels that count are in a PSNR, by halves where n
   CHECK(counted_psnr(x, y, weight) == doctest::Approx(-10 * std::log10(0.01 / 9)));
   weight = {0.25f, 0.25f, 0, 0};
   CHECK(counted_psnr(x, y, weight) == doctest::Approx(-10 * std::log10(0.25 * 0.01 / 1.5)));
+  CHECK(counted_psnr(x, x, weight) == psnr_of_identical_images);  // finite, as metric/psnr.hpp has it
+  weight = {1, 0, 1, 0};
+  CHECK(counted_psnr(x, y, weight) == psnr_of_identical_images);  // the pixels that differ do not count
   weight = {0, 0, 0, 0};
   CHECK(std::isnan(counted_psnr(x, y, weight)));
 }

@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "small_models.hpp"
+#include "small_scene_models.hpp"
 #include "support/tool.hpp"
 
 namespace {
@@ -233,4 +234,40 @@ TEST_CASE("app/export: nothing is written where the model has no such view, or t
   settings.data = files.folder.path;
   CHECK(export_model(fisheye, files.out, settings, files.executor).error().field == "--data");
   CHECK_FALSE(fs::exists(files.out));
+}
+
+TEST_CASE(
+    "app/export: photographs are those of the size of the training, and as many views are measured as are wanted") {
+  const testing::SmallScene scene("compmark-app-export-data");
+  ThreadExecutor executor(2);
+  const fs::path file = scene.write<recipes::Scaffold>("whole", "scaffold", 5), half = scene.folder.path / "half",
+                 out = scene.folder.path / "out.ply";
+  Result<AnyModel> whole = AnyModel::open(file, executor);
+  REQUIRE(whole.ok());
+  ModelInfo info = whole->info();
+  for (StoredView& view : info.views) {
+    view.camera = view.camera.resized(24, 24);
+    view.test = true;
+  }
+  REQUIRE(write_model(half, testing::small_model<recipes::Scaffold>(), info).ok());
+  Result<AnyModel> model = AnyModel::open(half, executor);
+  REQUIRE(model.ok());
+  ExportSettings settings;
+  settings.degree = 0;
+  settings.refine = 0;
+  settings.data = scene.data;
+  settings.compare = 3;  // of five: no number of them is every second one
+  const Result<ExportReport> other_size = export_model(*model, out, settings, executor);
+  REQUIRE_FALSE(other_size.ok());
+  CHECK(other_size.error().field == "view");
+  CHECK(other_size.error().problem.find("of the model's size, 24 x 24 pixels") != std::string::npos);
+  CHECK(other_size.error().remedy.find("--downscale") != std::string::npos);
+  CHECK_FALSE(fs::exists(out));
+  settings.downscale = 2;
+  const Result<ExportReport> report = export_model(*model, out, settings, executor);
+  if (!report) FAIL(report.error().line());
+  REQUIRE(report->compared.has_value());
+  CHECK(report->compared->mean_model_to_target > 0);
+  CHECK(report->compared_views == std::vector<std::string>{info.views[0].name, info.views[1].name, info.views[3].name});
+  CHECK(report->compared->views.size() == 3);
 }

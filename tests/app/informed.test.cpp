@@ -229,6 +229,28 @@ TEST_CASE("app/informed: two tests are one verdict, at twice the price") {
   CHECK(both_verdicts(message, {0, 1, 100}).verdict == Verdict::detected);
 }
 
+TEST_CASE("app/informed: a message too short to decide is no reason where the spread mark could") {
+  Verification message;
+  message.settings.tries = 2;
+  message.bits = 8;
+  message.p_corrected = 0.4;
+  message.verdict = Verdict::inconclusive;  // as verify_message has it without a threshold
+  const Verification nothing = both_verdicts(message, {0.1, 0.9, 100});
+  CHECK(nothing.verdict == Verdict::not_detected);
+  CHECK(verdict_text(nothing).find("NOT DETECTED: ") == 0);
+  // 2 exp(-cells / 2) reaches 1e-6 from 30 cells on: with 29 neither test could.
+  CHECK(both_verdicts(message, {0.1, 0.9, 30}).verdict == Verdict::not_detected);
+  for (const std::size_t cells : {std::size_t{0}, std::size_t{29}}) {
+    const Verification neither = both_verdicts(message, {0.1, 0.9, cells});
+    CHECK(neither.verdict == Verdict::inconclusive);
+    CHECK(verdict_text(neither).find("Use a longer message") != std::string::npos);
+  }
+  // Suspicious, and more pictures could decide, though not by the message.
+  const Verification suspicious = both_verdicts(message, {3, 1e-3, 100});
+  CHECK(suspicious.verdict == Verdict::inconclusive);
+  CHECK(verdict_text(suspicious).find("Read more views") != std::string::npos);
+}
+
 TEST_CASE(
     "app/informed: of two owners, both are read; the original of the second carries the mark of the first, and not the "
     "other way round (docs/threat_model.md)") {

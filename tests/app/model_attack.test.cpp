@@ -110,6 +110,39 @@ TEST_CASE("app/model_attack: LightGaussian throws away what renders miss least")
   CHECK(attack_any_model(named, "poster", 1, files.executor).error().line().find("none of int8") != std::string::npos);
 }
 
+TEST_CASE("app/model_attack: where no camera of a training is stored, all cameras that are say what renders miss") {
+  AttackFiles files;
+  const fs::path path = files.folder.path / "model.safetensors";
+  const Model<recipes::Scaffold> small = testing::small_model<recipes::Scaffold>(5, 60);
+  ModelInfo info = testing::small_info("scaffold");
+  const auto evidence = [&](bool test, std::size_t count) {
+    info.views.resize(count);
+    for (StoredView& view : info.views) view.test = test;
+    REQUIRE(write_model(path, small, info).ok());
+    AnyModel model = files.open(path);
+    return anchor_evidence(model, files.executor);
+  };
+  const Result<AnchorEvidence> of_training = evidence(false, info.views.size()),
+                               of_test = evidence(true, info.views.size());
+  REQUIRE(of_training.ok());
+  REQUIRE(of_test.ok());
+  CHECK(of_test->significance == of_training->significance);
+  CHECK(of_test->opacity == of_training->opacity);
+  AnyModel model = files.open(path);
+  REQUIRE(attack_any_model(model, "lightgaussian:0.5", 1, files.executor).ok());
+  CHECK(model.anchor_count() == 30);
+  const Result<AnchorEvidence> of_none = evidence(true, 0);
+  REQUIRE_FALSE(of_none.ok());
+  CHECK(of_none.error().field == "views");
+  // Negative control: where there are cameras of the training, one of the test is not looked at.
+  info = testing::small_info("scaffold");
+  REQUIRE(write_model(path, small, info).ok());
+  AnyModel mixed = files.open(path);
+  const Result<AnchorEvidence> of_mixed = anchor_evidence(mixed, files.executor);
+  REQUIRE(of_mixed.ok());
+  CHECK(of_mixed->significance != of_test->significance);
+}
+
 TEST_CASE("app/model_attack: averages of copies are means, and what has other anchors is refused") {
   AttackFiles files;
   const fs::path one = files.write("one.safetensors", 0), two = files.write("two.safetensors", 0.5f),
@@ -145,6 +178,11 @@ TEST_CASE("app/model_attack: a part goes into a scene of the same networks, and 
   CHECK(sum_of(scene.render(scene.info().views[0], files.executor)) > 0);
   CHECK(insert_model(scene, other).error().line().find("is a network of other weights") != std::string::npos);
   CHECK(scene.anchor_count() == 75);
+  const Result<Done> into_itself = insert_model(scene, scene);
+  REQUIRE_FALSE(into_itself.ok());
+  CHECK(into_itself.error().file == scene.file().string());
+  CHECK(scene.anchor_count() == 75);
+  CHECK(numbers(scene, "anchor.position") == both);
 }
 
 }  // namespace model_attack_test

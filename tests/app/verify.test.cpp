@@ -51,6 +51,21 @@ TEST_CASE("app/verify: the report is the verification of what is read, for the k
   }
   CHECK(detected == 0);
   CHECK_FALSE(verify_either_way(testing::small_key(1, message_bits), reading, VerifySettings{}, executor).ok());
+  // Both ways are two tests, and their count is refused before it is doubled.
+  ReadingSettings pictures;
+  pictures.images = {folder.path / "none.png"};
+  VerifySettings many;
+  for (const std::uint64_t tries : {largest_tries / 2 + 1, largest_tries, ~std::uint64_t{0}}) {
+    CAPTURE(tries);
+    many.tries = tries;
+    const Error twice = verify_either_way(testing::small_key(1, message_bits), pictures, many, executor).error();
+    CHECK(twice.field == "tries");
+    CHECK(twice.problem == "is above 2305843009213693952, and each is 2 tests here");
+  }
+  many.tries = largest_tries / 2;
+  CHECK(verify_either_way(testing::small_key(1, message_bits), pictures, many, executor).error().field != "tries");
+  many.tries = largest_tries;
+  CHECK(verify_files(testing::small_key(1, message_bits), pictures, many, executor).error().field != "tries");
   VerifySettings impossible;
   impossible.false_positive_rate = 2;
   CHECK_FALSE(verify_files(testing::small_key(1, message_bits), reading, impossible, executor).ok());

@@ -65,7 +65,8 @@ struct SeenView {
 /// evaluation and is its own.
 using SeenViewObserver = std::function<Result<Done>(const SeenView& view)>;
 
-/// PSNR over the pixels that count at least by half; all of them where `weight` is empty. NaN if none counts.
+/// PSNR over the pixels that count at least by half; all of them where `weight` is empty. Where none counts so much, each
+/// counts by its weight; NaN if all weights are 0. At most psnr_of_identical_images, as psnr.
 [[nodiscard]] double counted_psnr(ImageView<const float> image, ImageView<const float> target,
                                   std::span<const float> weight);
 

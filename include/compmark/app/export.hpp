@@ -38,7 +38,8 @@ struct ExportSettings {
   int degree = 3;              ///< of the fitted colour, 0 to 3
   std::int64_t refine = 500;   ///< iterations that move the fitted splats towards the model's own renders
   std::filesystem::path data;  ///< dataset, to measure against photographs too; may be empty
-  std::size_t compare = 10;    ///< views to measure on, about; 0: none
+  double downscale = 1;        ///< of the training: the size of the photographs is divided by this
+  std::size_t compare = 10;    ///< views to measure on, evenly spaced, at most; 0: none
 };
 
 struct ExportReport {

@@ -93,7 +93,7 @@ template <class Json>
 }
 
 /// Both tests as one verdict: `message` was made with settings.tries already doubled; the spread evidence is multiplied
-/// by the same here.
+/// by the same here. Inconclusive for want of bits is only what the spread mark's cells could not decide either.
 [[nodiscard]] Verification both_verdicts(Verification message, const SpreadEvidence& spread);
 
 }  // namespace compmark

@@ -22,10 +22,11 @@ namespace compmark {
 
 struct EvidenceSettings {
   double volume_power = 0.1;  ///< LightGaussian's beta
-  std::size_t views = 0;      ///< of the training, evenly spaced; 0: all
+  std::size_t views = 0;      ///< of those that count, evenly spaced; 0: all
 };
 
-/// What renders of the cameras that a model stores for its training say of each anchor. Significance is LightGaussian's
+/// What renders of the cameras that a model stores say of each anchor: those of its training, and all of them where it
+/// stores none of these, as compressed files and splat files do. Significance is LightGaussian's
 /// sum over views and pixels of alpha * transmittance, times min(volume / the 90th percentile, 1)^beta, of the
 /// Gaussians of an anchor together; its volume is the mean over the views that draw it. Cost: a forward and a backward
 /// pass a view. Error: a model that stores no camera.
@@ -43,8 +44,8 @@ struct EvidenceSettings {
 [[nodiscard]] Result<Done> average_models(AnyModel& model, const std::vector<std::filesystem::path>& copies,
                                           ThreadExecutor& executor);
 
-/// Puts the anchors of `part` into `scene`, at their places. Error: another recipe, unit or origin, or networks that
-/// are not the same to the bit: the anchors of one then mean nothing to those of the other.
+/// Puts the anchors of `part` into `scene`, at their places. Error: one model given as both, another recipe, unit or
+/// origin, or networks that are not the same to the bit: the anchors of one then mean nothing to those of the other.
 [[nodiscard]] Result<Done> insert_model(AnyModel& scene, AnyModel& part);
 
 }  // namespace compmark

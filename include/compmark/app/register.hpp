@@ -130,12 +130,13 @@ inline constexpr int register_least_side = 32;
   const auto fitted = [&](const Candidate& from, int size, const CameraFitSettings& fit) {
     const detail::RegisterPicture small(sides[from.side], size, executor);
     const auto draw = [&](const Camera<double>& camera, ImageView<float> image, ImageView<float> tangents) {
-      failed = failed || !render(camera, image, tangents);
-      return !failed;
+      return render(camera, image, tangents);
     };
-    return Candidate{
+    Candidate to{
         fit_camera(small.view, from.fit.camera.resized(small.view.width, small.view.height), fit, draw, executor),
         from.side, from.group};
+    failed = to.fit.weight.empty();  // not even the camera that it began with is drawn; failed steps were rejected
+    return to;
   };
   const auto by_likeness = [](const Candidate& a, const Candidate& b) { return a.fit.likeness > b.fit.likeness; };
 
@@ -216,6 +217,9 @@ inline constexpr int register_least_side = 32;
       if (failed) return render.error();
       if (same.fit.cost < smaller.fit.cost) best = std::move(same);
     }
+  }
+  if (render.drawn().count == 0) {  // the last step may have failed
+    if (const Result<RenderedView> seen = render.look(best.fit.camera); !seen) return seen.error();
   }
   result.camera = best.fit.camera.resized(picture.width, picture.height);
   result.tone = best.fit.tone;

@@ -38,15 +38,20 @@ class RegisterRender {
   void rendered_at_this_size(bool so) { at_this_size_ = so; }
   /// What went wrong when a call returned false.
   [[nodiscard]] const Error& error() const { return *error_; }
-  /// What the last call drew.
+  /// What the last call drew; nothing where it failed.
   [[nodiscard]] GaussianColumns<const float> drawn() const { return drawn_; }
+  /// Draws what the camera sees, without derivatives. The image of this render is of no use, so it is small.
+  Result<RenderedView> look(const Camera<double>& camera) {
+    drawn_ = {};  // columns of the render before, which go with it
+    Result<RenderedView> view =
+        model_->render(camera.resized(std::max(1, camera.width / 16), std::max(1, camera.height / 16)), *executor_);
+    if (view) drawn_ = view->drawn;
+    return view;
+  }
 
   bool operator()(const Camera<double>& camera, ImageView<float> image, ImageView<float> tangents) {
-    // The image of this render is of no use, so it is small; its Gaussians are those that the camera sees.
-    const Result<RenderedView> view =
-        model_->render(camera.resized(std::max(1, camera.width / 16), std::max(1, camera.height / 16)), *executor_);
+    const Result<RenderedView> view = look(camera);
     if (!view) return failed(view.error());
-    drawn_ = view->drawn;
     const int times = at_this_size_ ? 1 : static_cast<int>(std::clamp(std::floor(native_ / camera.fx + 0.8), 1.0, 4.0));
     const Camera<double> fine = camera.resized(times * camera.width, times * camera.height);
     const double shrunk = native_ / fine.fx, blur = model_->render_settings().blur_variance;

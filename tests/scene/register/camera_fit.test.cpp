@@ -71,3 +71,32 @@ TEST_CASE("a fit finds the camera of a picture in another tone, with noise and a
   CHECK(CloudRender::apart(truth, pulled.camera) > 2 * CloudRender::apart(truth, fit.camera));
   CHECK(plane == fit.weight.size());
 }
+
+TEST_CASE("a step whose render fails is rejected, and only a start that cannot be drawn ends a fit") {
+  const CloudRender cloud(8, 800, 96, 72);
+  const Camera<double> truth = moved(cloud.camera(), some_step);
+  const SomePicture picture = cloud.picture(truth);
+  SerialExecutor serial;
+  int calls = 0, fails_at = 2;
+  const auto draw = [&](const Camera<double>& camera, ImageView<float> image, ImageView<float> tangents) {
+    return ++calls != fails_at && cloud(camera, image, tangents);
+  };
+  const CameraFit fit = fit_camera(picture.view, cloud.camera(), fit_settings(), draw, serial);
+  CHECK(calls > 3);
+  CHECK(CloudRender::apart(truth, fit.camera) < 0.01);
+  CHECK(fit.likeness > 0.999);
+  calls = 0;
+  fails_at = 1;
+  const CameraFit none = fit_camera(picture.view, cloud.camera(), fit_settings(), draw, serial);
+  CHECK(calls == 1);
+  CHECK(none.weight.empty());
+  // Steps that all fail leave the start, and an end.
+  calls = 0;
+  const auto once = [&](const Camera<double>& camera, ImageView<float> image, ImageView<float> tangents) {
+    return ++calls == 1 && cloud(camera, image, tangents);
+  };
+  const CameraFit stayed = fit_camera(picture.view, cloud.camera(), fit_settings(), once, serial);
+  CHECK(stayed.camera.center_world == cloud.camera().center_world);
+  CHECK_FALSE(stayed.weight.empty());
+  CHECK(calls < 15);
+}

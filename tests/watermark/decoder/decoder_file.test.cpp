@@ -152,6 +152,19 @@ TEST_CASE("decoder/decoder_file: bad files are refused with one line that names 
           w.metadata["largest_side"] = "256";
           w.metadata["smallest_side"] = "257";
         }) == "__metadata__.smallest_side: \"257\" is not an integer from 0 to 256");
+  // Every picture would be enlarged to it, which takes terabytes; a picture that is larger already may be read so.
+  const auto sides = [&](const char* largest, const char* smallest) {
+    return refusal(good, [=](SafetensorsWriter& w) {
+      w.metadata["largest_side"] = largest;
+      w.metadata["smallest_side"] = smallest;
+    });
+  };
+  for (const char* largest : {"0", "1048576"}) {
+    CAPTURE(largest);
+    CHECK(sides(largest, "1048576") == "__metadata__.smallest_side: \"1048576\" is not an integer from 0 to 8192");
+    CHECK(sides(largest, "8193") == "__metadata__.smallest_side: \"8193\" is not an integer from 0 to 8192");
+    CHECK(sides(largest, "8192") == "accepted");
+  }
   CHECK(with("reads", "frame") == "__metadata__.reads: \"frame\" is not picture or subject");
   for (const char* share : {"0", "1", "-0.5"}) {
     CAPTURE(share);

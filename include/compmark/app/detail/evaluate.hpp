@@ -54,8 +54,8 @@ COMPMARK_APP_INLINE double counted_psnr(ImageView<const float> image, ImageView<
       (counts ? squares : light) += by * (d * d);
     }
   }
-  if (counted == 0) return share > 0 ? -10 * std::log10(light / (3 * share)) : std::nan("");
-  return -10 * std::log10(squares / (3 * static_cast<double>(counted)));
+  if (counted == 0) return share > 0 ? psnr_from_mse(light / (3 * share)) : std::nan("");
+  return psnr_from_mse(squares / (3 * static_cast<double>(counted)));
 }
 
 COMPMARK_APP_INLINE Result<Evaluation> evaluate_views(AnyModel& model, DatasetViews views,

@@ -18,6 +18,7 @@
 #include "compmark/app/any_model.hpp"
 #include "compmark/app/capture.hpp"
 #include "compmark/app/detail/export_warnings.hpp"
+#include "compmark/app/detail/files.hpp"
 #include "compmark/app/export.hpp"
 #include "compmark/app/recipe_model.hpp"
 #include "compmark/core/config.hpp"
@@ -107,14 +108,14 @@ template <class R>
                                              const ExportViews& views, ThreadExecutor& executor) {
   Measured measured;
   if (of.settings.compare == 0) return measured;
-  const std::size_t stride = std::max<std::size_t>(1, views.measured.size() / of.settings.compare);
-  for (std::size_t i = 0; i < views.measured.size(); i += stride) {
-    measured.cameras.push_back(views.measured[i]);
-    measured.names.push_back(views.names[i]);
-  }
+  measured.cameras = views.measured;
+  measured.names = views.names;
+  keep_evenly(measured.cameras, of.settings.compare);
+  keep_evenly(measured.names, of.settings.compare);
   const std::filesystem::path& data = of.settings.data;
   if (data.empty()) return measured;
   DatasetSettings& settings = measured.settings = settings_of(info);
+  settings.downscale = of.settings.downscale;
   for (std::size_t c = 0; c < 3; ++c) settings.background[c] = static_cast<float>(model.render.background[c]);
   if (settings.lens == LensTreatment::keep) settings.lens = LensTreatment::undistort;  // the export has none
   Result<Dataset> dataset = open_for(info, data, settings, executor);
@@ -129,8 +130,9 @@ template <class R>
         });
     if (found == measured.dataset->views.end()) {
       return Error{ErrorKind::not_found, data.string(), "view",
-                   "no view \"" + measured.names[i] + "\" of the model's size",
-                   "give the dataset the model was trained on"};
+                   "no view \"" + measured.names[i] + "\" of the model's size, " + std::to_string(camera.width) +
+                       " x " + std::to_string(camera.height) + " pixels",
+                   "give the dataset the model was trained on, and the --downscale of the training"};
     }
     measured.photographs.push_back(&*found);
   }

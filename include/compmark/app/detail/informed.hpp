@@ -103,12 +103,18 @@ inline Result<ComparedPicture> compare_picture(AnyModel& model, const Registrati
 }  // namespace detail
 
 COMPMARK_APP_INLINE Verification both_verdicts(Verification message, const SpreadEvidence& spread) {
-  const double spread_p = std::fmin(1, spread.p_value * static_cast<double>(message.settings.tries));
+  const double tries = static_cast<double>(message.settings.tries);
+  const double spread_p = std::fmin(1, spread.p_value * tries);
+  // No cells can agree better than all of them: sqrt(cells) deviations.
+  message.spread_could_decide =
+      tries * std::exp(-0.5 * static_cast<double>(spread.cells)) <= message.settings.false_positive_rate;
   message.p_corrected = std::fmin(message.p_corrected, spread_p);
   if (message.p_corrected <= message.settings.false_positive_rate) {
     message.verdict = Verdict::detected;
   } else if (message.p_corrected <= message.settings.suspicion) {
     message.verdict = Verdict::inconclusive;
+  } else if (message.spread_could_decide) {
+    message.verdict = Verdict::not_detected;  // however short the message is: the other test found nothing
   }
   return message;
 }
@@ -142,7 +148,7 @@ COMPMARK_APP_INLINE std::string together_text(const InformedReport& report) {
 COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, const ReadingSettings& reading,
                                                            const VerifySettings& settings, ThreadExecutor& executor,
                                                            const WorkObserver& observer, const ComparedObserver& each) {
-  if (const Result<Done> checked = check_settings(settings); !checked) return checked.error();
+  if (const Result<Done> checked = check_settings(settings, 2); !checked) return checked.error();
   if (!reading.model.empty() || !reading.interference.empty()) {
     return Error{ErrorKind::invalid, reading.unmarked.string(),
                  reading.model.empty() ? "--interference, --unmarked" : "--model, --images", "do not go together here",

@@ -56,11 +56,13 @@ namespace detail {
 COMPMARK_APP_INLINE Result<AnchorEvidence> anchor_evidence(AnyModel& model, ThreadExecutor& executor,
                                                            const EvidenceSettings& settings) {
   std::vector<StoredView> views = model.info().views;
-  std::erase_if(views, [](const StoredView& view) { return view.test; });
+  // A compressed file keeps the test views alone unless it was told otherwise, and of a splat file no view trained.
+  if (std::any_of(views.begin(), views.end(), [](const StoredView& view) { return !view.test; }))
+    std::erase_if(views, [](const StoredView& view) { return view.test; });
   detail::keep_evenly(views, settings.views);
   if (views.empty()) {
-    return Error{ErrorKind::invalid, model.file().string(), "views", "holds no camera of a training",
-                 "give a model of compmark train"};
+    return Error{ErrorKind::invalid, model.file().string(), "views", "stores no camera",
+                 "give a model of compmark train, or a file of it that keeps cameras"};
   }
   const std::size_t anchors = model.anchor_count(), k = detail::slots_of_anchor(model.arena().layout());
   std::vector<double> weight(anchors * k, 0.0), volume(anchors * k, 0.0), drawn(anchors * k, 0.0);
@@ -155,6 +157,10 @@ COMPMARK_APP_INLINE Result<Done> average_models(AnyModel& model, const std::vect
 }
 
 COMPMARK_APP_INLINE Result<Done> insert_model(AnyModel& scene, AnyModel& part) {
+  if (&scene.arena() == &part.arena()) {
+    return Error{ErrorKind::invalid, scene.file().string(), "part", "is the very model that it is to go into",
+                 "open the file a second time and give that"};
+  }
   if (std::optional<Error> other = detail::other_tensors(scene, part, false)) return *other;
   ParameterArena<float>& into = scene.arena();
   const ParameterArena<float>& from = part.arena();

@@ -30,7 +30,7 @@ COMPMARK_APP_INLINE Result<VerificationReport> verify_either_way(const OwnerKey&
     return Error{ErrorKind::invalid, reading.model.string(), "--mirrored", "is for images, and this is a model",
                  "leave it out, or render the model and give --images"};
   }
-  if (const Result<Done> checked = check_settings(settings); !checked) return checked.error();
+  if (const Result<Done> checked = check_settings(settings, 2); !checked) return checked.error();
   settings.tries *= 2;
   reading.mirrored = false;
   Result<VerificationReport> report = verify_files(key, reading, settings, executor, observer);

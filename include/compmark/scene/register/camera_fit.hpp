@@ -51,7 +51,8 @@ struct CameraFit {
 };
 
 /// Fits a camera of the picture's size to `picture` [3, height, width], from `start`. The camera is `start` where
-/// nothing better was met. Deterministic, and the same bits at any thread count if the callable's are.
+/// nothing better was met. A step whose render fails is rejected as one that comes no nearer; where the render of `start`
+/// fails, `weight` is empty and nothing was fitted. Deterministic, and the same bits at any thread count if the callable's are.
 template <class Render, Executor E>
 [[nodiscard]] CameraFit fit_camera(ImageView<const float> picture, const Camera<double>& start,
                                    const CameraFitSettings& settings, const Render& render, E& executor) {
@@ -102,7 +103,11 @@ template <class Render, Executor E>
       h[packed_index(p, p)] += damping * h[packed_index(p, p)] + 1e-12 * sums.h[packed_index(3, 3)] + 1e-30;
     if (!solve_positive(h, camera_parameters, step, 1)) break;
     const Camera<double> next = moved(fit.camera, step);
-    if (!draw(next, trial_room)) break;
+    if (!draw(next, trial_room)) {  // as a step that comes no nearer
+      damping *= 10;
+      if (damping > 1e4) break;
+      continue;
+    }
     std::copy(room.weight.begin(), room.weight.end(), trial_room.weight.begin());
     const ToneMap tone = fit_tone(trial_room.view, picture, trial_room.weight.data(), ridge, executor);
     const detail::FitSums after = detail::fit_sums<false>(trial_room, picture, tone, fit.scale, executor);

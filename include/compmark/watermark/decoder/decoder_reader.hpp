@@ -10,6 +10,7 @@
 // of one format, in its order.
 #pragma once
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
@@ -251,8 +252,11 @@ template <class TensorFile>
       reader.fail(ErrorKind::invalid, "__metadata__.logit_scale", "is not above 0", reader.remedy);
     weights.input.haar_levels = reader.integer("haar_levels", 0, 2);
     weights.input.largest_side = reader.integer("largest_side", 0, 1 << 20);
-    if (const int most = weights.input.largest_side; file.metadata.contains("smallest_side"))  // not in older files
-      weights.input.smallest_side = reader.integer("smallest_side", 0, most != 0 ? most : 1 << 13);
+    if (file.metadata.contains("smallest_side")) {  // not in older files
+      // Every picture is enlarged to it: a larger one would ask for more memory than machines have.
+      const int largest = weights.input.largest_side, most = 1 << 13;
+      weights.input.smallest_side = reader.integer("smallest_side", 0, largest != 0 ? std::min(largest, most) : most);
+    }
     if (file.metadata.contains("reads")) {  // what of a picture; not in older files
       const std::string reads = reader.text("reads");
       weights.input.subject_alone = reads == "subject";

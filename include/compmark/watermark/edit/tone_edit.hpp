@@ -4,7 +4,7 @@
 // Edits of colour: exposure, white balance, contrast, saturation down to grey, hue and gamma, as photo programs and
 // screens do them. All but gamma and contrast's middle are one matrix a picture:
 //   y = clamp(M x + m, 1/255/16, 1),  out = y^gamma,
-//   M = contrast * gain * diag(white) * Y^-1 turn(hue) diag(1, saturation, saturation) Y,  m = (1 - contrast) * middle
+//   M = contrast * gain * diag(white) * Y^-1 turn(hue) diag(1, saturation, saturation) Y,  m = gain * (1 - contrast) * middle
 // with Y from RGB to luma and two differences of colour (YIQ) and middle the mean of the picture. A clamped value has
 // no gradient. Cost: ~4 ns a value each way.
 #pragma once

@@ -225,7 +225,8 @@ template <class Json>
     case Verdict::inconclusive:
       break;
   }
-  if (!v.threshold) return "INCONCLUSIVE: no number of matches could decide at this rate. Use a longer message\n";
+  if (!v.threshold && !v.spread_could_decide)
+    return "INCONCLUSIVE: no number of matches could decide at this rate. Use a longer message\n";
   return "INCONCLUSIVE: more than chance would suggest, less than the chosen rate asks for (p up to " +
          detail::short_number(v.settings.suspicion) + "). Read more views\n";
 }

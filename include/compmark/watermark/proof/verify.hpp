@@ -36,7 +36,8 @@ enum class FusionRule : std::uint8_t {
 enum class Verdict : std::uint8_t {
   detected,      ///< tries * p <= false_positive_rate
   not_detected,  ///< no evidence: tries * p > suspicion. It does not prove that there is no mark
-  inconclusive,  ///< in between, or no number of matches could reach the rate with these bits and tries
+  inconclusive,  ///< in between, or no number of matches could reach the rate with these bits and tries, and no spread
+                 ///< mark that was looked for too
 };
 
 struct VerifySettings {
@@ -72,6 +73,7 @@ struct Verification {
   Verdict verdict = Verdict::not_detected;
   VerifySettings settings;
   std::optional<RecipientTrace> recipients{};  ///< of a key that has some (recipients.hpp)
+  bool spread_could_decide = false;            ///< a spread mark was looked for too, in cells enough to reach the rate
 };
 
 /// Smallest number of matches of `bits` whose p-value is at most `rate`; empty if even all bits are not enough.
@@ -135,8 +137,9 @@ inline void fuse_logits(std::span<const ViewLogits> views, FusionRule rule, std:
 /// So that counting them twice never wraps.
 inline constexpr std::uint64_t largest_tries = std::uint64_t{1} << 62;
 
-/// One line where the settings are no test.
-[[nodiscard]] inline Result<Done> check_settings(const VerifySettings& settings) {
+/// One line where the settings are no test. `tests` are made of each try: both ways of a picture, or message and spread
+/// mark.
+[[nodiscard]] inline Result<Done> check_settings(const VerifySettings& settings, std::uint64_t tests = 1) {
   if (!(settings.false_positive_rate > 0 && settings.false_positive_rate < 1)) {
     return Error{ErrorKind::invalid, "", "false positive rate", "is not between 0 and 1",
                  "give the rate of false accusations you accept, as 1e-6"};
@@ -151,8 +154,13 @@ inline constexpr std::uint64_t largest_tries = std::uint64_t{1} << 62;
   }
   if (settings.tries < 1)
     return Error{ErrorKind::invalid, "", "tries", "is 0", "count every key and alignment that is tried"};
-  if (settings.tries > largest_tries)
-    return Error{ErrorKind::invalid, "", "tries", "is above 2^62", "no count of tests is that large"};
+  if (settings.tries > largest_tries / tests) {
+    return Error{ErrorKind::invalid, "", "tries",
+                 "is above " + (tests == 1 ? std::string("2^62")
+                                           : std::to_string(largest_tries / tests) + ", and each is " +
+                                                 std::to_string(tests) + " tests here"),
+                 "no count of tests is that large"};
+  }
   return Done{};
 }
 
