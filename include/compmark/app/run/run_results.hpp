@@ -46,7 +46,7 @@ struct CompressedMetrics {
   std::uint64_t anchors = 0;
   double encode_seconds = 0;
   double decode_seconds = 0;  ///< from opening the file to a model that renders
-  TestMetrics test;  ///< over the training views where there are no test views; null in the file then
+  TestMetrics test;           ///< over the training views where there are no test views; null in the file then
   std::optional<WatermarkMetrics> watermark;
   std::vector<std::pair<std::string, std::uint64_t>> sections;  ///< bytes by what they are for
 };
