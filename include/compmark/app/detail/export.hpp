@@ -18,7 +18,7 @@
 #include "compmark/app/any_model.hpp"
 #include "compmark/app/capture.hpp"
 #include "compmark/app/detail/export_warnings.hpp"
-#include "compmark/app/detail/files.hpp"
+#include "compmark/app/detail/keep_evenly.hpp"
 #include "compmark/app/export.hpp"
 #include "compmark/app/recipe_model.hpp"
 #include "compmark/core/config.hpp"

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/app/detail/keep_evenly.hpp"
 #include "compmark/app/files.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/read_file.hpp"
@@ -21,15 +22,6 @@
 
 namespace compmark {
 namespace detail {
-
-/// The items a user asked for, evenly spaced: the same ones for everybody. 0: all.
-template <class T>
-void keep_evenly(std::vector<T>& items, std::size_t count) {
-  if (count == 0 || count >= items.size()) return;
-  std::vector<T> kept;
-  for (std::size_t i = 0; i < count; ++i) kept.push_back(std::move(items[i * items.size() / count]));
-  items = std::move(kept);
-}
 
 /// An error that names a file: this one, if it named none.
 inline Error named(Error error, const std::filesystem::path& file) {
