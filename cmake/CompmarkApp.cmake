@@ -11,10 +11,7 @@ function(compmark_add_app folder library)
   add_library(compmark_app STATIC EXCLUDE_FROM_ALL "${folder}/app_models.cpp" "${folder}/app_export.cpp" "${folder}/app.cpp")
   target_compile_definitions(compmark_app PUBLIC COMPMARK_APP_COMPILED)
   target_link_libraries(compmark_app PUBLIC ${library})
-  set(parts hac context_gs marked plain) # those that take longest first
-  list(TRANSFORM parts PREPEND "${folder}/run/app_run_")
-  list(TRANSFORM parts APPEND ".cpp")
-  add_library(compmark_app_run STATIC EXCLUDE_FROM_ALL ${parts} "${folder}/run/app_run.cpp")
+  add_library(compmark_app_run STATIC EXCLUDE_FROM_ALL "${folder}/run/app_run.cpp" "${folder}/run/app_run_codecs.cpp")
   target_link_libraries(compmark_app_run PUBLIC compmark_app)
   # For shared libraries too (bindings/c); a function of theirs is not one that another library may replace, so that nothing is lost by it.
   set_target_properties(compmark_app PROPERTIES POSITION_INDEPENDENT_CODE ON)

@@ -3,8 +3,8 @@
 //
 // The target compmark::app_run: the functions of app/run, compiled once for the shipped recipes (app/compiled.hpp). It
 // is beside compmark::app because training of every recipe takes minutes of a compiler, and who only opens finished
-// models needs none of it. The loops of most trainings are in the files app_run_*.cpp beside this one: together they
-// would take 3 GB of memory to compile. A program without CMake compiles all of these with its own flags.
+// models needs none of it. Trainings for compression are in app_run_codecs.cpp beside this file: two processors compile
+// the two in little more than half the time. A program without CMake compiles both with its own flags.
 #if !defined(COMPMARK_APP_COMPILED)
 #error "compile app_run*.cpp, and every file that includes headers of app, with -DCOMPMARK_APP_COMPILED"
 #endif
@@ -14,6 +14,7 @@
 #include "compmark/app/run/detail/fit_decoder.hpp"
 #include "compmark/app/run/detail/mark_record.hpp"
 #include "compmark/app/run/detail/owner_keys.hpp"
+#include "compmark/app/run/detail/run_any_scaffold.hpp"
 #include "compmark/app/run/detail/run_folder.hpp"
 #include "compmark/app/run/detail/run_results.hpp"
 #include "compmark/app/run/detail/train.hpp"

@@ -8,8 +8,6 @@
 #include "compmark/app/run/detail/run_any.hpp"
 
 #if !defined(COMPMARK_APP_COMPILED)
-#include "compmark/app/run/detail/run_any_context_gs.hpp"
-#include "compmark/app/run/detail/run_any_hac.hpp"
-#include "compmark/app/run/detail/run_any_marked.hpp"
-#include "compmark/app/run/detail/run_any_plain.hpp"
+#include "compmark/app/run/detail/run_any_codecs.hpp"
+#include "compmark/app/run/detail/run_any_scaffold.hpp"
 #endif

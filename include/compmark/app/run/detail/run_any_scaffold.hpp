@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Runs of every shipped recipe without a codec, with a message, by name.
+// Runs of every shipped recipe without a codec, plain and with a message, by name.
 #pragma once
 
+#include "compmark/app/recipe_list.hpp"
 #include "compmark/app/run/detail/run_any.hpp"
 #include "compmark/app/run/detail/run_recipe.hpp"
 #include "compmark/recipes/captures.hpp"
@@ -13,7 +14,12 @@
 
 namespace compmark::detail {
 
-/// A recipe without a codec, with a mark: one that trains with the scene, or that is hidden in plan.model.
+COMPMARK_APP_INLINE Result<RunOutcome> run_any_plain(const RunPlan& plan, const TrainSettings& settings) {
+  return with_recipe(plan.recipe, OrError([&](auto tag) -> Result<RunOutcome> {
+                       return run_recipe<typename decltype(tag)::Recipe>(plan, settings);
+                     }));
+}
+
 COMPMARK_APP_INLINE Result<RunOutcome> run_any_marked(const RunPlan& plan, const TrainSettings& settings,
                                                       const RunMark& mark) {
   using recipes::Marked, recipes::WithLostAnchors;

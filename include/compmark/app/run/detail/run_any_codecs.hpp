@@ -1,9 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A run of a recipe that trains for compression.
+// Runs of every shipped recipe that trains for compression, by name.
 #pragma once
 
+#include <string>
+#include <string_view>
+
+#include "compmark/app/recipe_list.hpp"
 #include "compmark/app/run/detail/run_any.hpp"
 #include "compmark/app/run/detail/run_recipe.hpp"
 #include "compmark/recipes/marked_codecs.hpp"
@@ -30,6 +34,14 @@ Result<RunOutcome> run_coded(const RunPlan& plan, const TrainSettings& settings,
       return run_recipe<recipes::WithFrequency<recipes::Marked<R, MarkingDecoder>>>(plan, settings, mark);
     }
   }
+}
+
+COMPMARK_APP_INLINE Result<RunOutcome> run_any_coded(const RunPlan& plan, const TrainSettings& settings,
+                                                     const RunMark* mark) {
+  const OrError run(
+      [&](auto tag) -> Result<RunOutcome> { return run_coded<typename decltype(tag)::Recipe>(plan, settings, mark); });
+  return recipe_codec(plan.recipe) == std::string_view("context_gs") ? with_context_gs_recipe(plan.recipe, run)
+                                                                     : with_hac_recipe(plan.recipe, run);
 }
 
 }  // namespace compmark::detail
