@@ -91,6 +91,16 @@ TEST_CASE("proof/key: a payload is read back under the secret, from bits of whic
   key.payload = "5eed1";
   REQUIRE_FALSE(check_payload(key).ok());
   CHECK(check_payload(key).error().line().find("16 bits of payload, 4 digits") != std::string::npos);
+  CHECK(check_payload(key).error().line().find("the last of which") == std::string::npos);
+  OwnerKey wider = numbered(7);
+  wider.bits = 32;
+  wider.corrects = 1;  // 18 bits: two of the last digit
+  wider.payload = "05eed";
+  REQUIRE_FALSE(check_payload(wider).ok());
+  CHECK(check_payload(wider).error().line().find("18 bits of payload, 5 digits, the last of which is 0, 4, 8 or c") !=
+        std::string::npos);
+  wider.payload = "05eec";
+  CHECK(check_payload(wider).ok());
   key.corrects = 12;
   CHECK_FALSE(check_payload(key).ok());
   CHECK(check_payload(numbered(7)).ok());
