@@ -113,17 +113,18 @@ COMPMARK_APP_INLINE Result<RunResults> read_results(const std::filesystem::path&
   read(*json, "peak_memory_mb", results.peak_memory_mb, "");
   read(*json, "model_sha256", results.model_sha256, "");
   if (failure) return *failure;
+  const auto read_optional = [&](const nlohmann::json& object, const char* key, std::optional<double>& value,
+                                 const std::string& where) {
+    if (failure || !object.contains(key) || object[key].is_null()) return;
+    read(object, key, value.emplace(), where);
+  };
   const auto read_test = [&](const nlohmann::json& object, const std::string& where) {
     TestMetrics test;
     read(object, "psnr", test.psnr, where);
     read(object, "ssim", test.ssim, where);
     read(object, "views", test.views, where);
-    const auto read_optional = [&](const char* key, std::optional<double>& value) {
-      if (failure || !object.contains(key) || object[key].is_null()) return;
-      read(object, key, value.emplace(), where);
-    };
-    read_optional("lpips_alex", test.lpips_alex);
-    read_optional("psnr_colour_fitted", test.psnr_colour_fitted);
+    read_optional(object, "lpips_alex", test.lpips_alex, where);
+    read_optional(object, "psnr_colour_fitted", test.psnr_colour_fitted, where);
     return test;
   };
   const auto read_mark = [&](const nlohmann::json& object, const std::string& where) {
@@ -135,12 +136,8 @@ COMPMARK_APP_INLINE Result<RunResults> read_results(const std::filesystem::path&
     read(accuracy, "views", m.views, at);
     read(object, "p_value", m.p_value, where);
     read(object, "largest_view_p_value", m.largest_view_p_value, where);
-    const auto read_optional = [&](const char* key, std::optional<double>& value) {
-      if (failure || !object.contains(key) || object[key].is_null()) return;
-      read(object, key, value.emplace(), where);
-    };
-    read_optional("psnr_cost_vs_unmarked", m.psnr_cost_vs_unmarked);
-    read_optional("psnr_marked_vs_unmarked", m.psnr_marked_vs_unmarked);
+    read_optional(object, "psnr_cost_vs_unmarked", m.psnr_cost_vs_unmarked, where);
+    read_optional(object, "psnr_marked_vs_unmarked", m.psnr_marked_vs_unmarked, where);
     return m;
   };
   if (json->contains("test") && !(*json)["test"].is_null()) results.test = read_test((*json)["test"], "test");
