@@ -51,10 +51,11 @@ TEST_CASE("io/scrypt: Salsa20/8 of RFC 7914, 8") {
       "edeb"
       "c68db8b8c25e");
   detail::SalsaBlock block{};
-  for (std::size_t i = 0; i < in.size(); ++i) block[i / 4] |= std::to_integer<std::uint32_t>(in[i]) << (8 * (i % 4));
+  for (std::size_t i = 0; i < in.size(); ++i)
+    block.words[i / 4] |= std::to_integer<std::uint32_t>(in[i]) << (8 * (i % 4));
   detail::salsa20_8(block);
   std::vector<std::byte> out;
-  for (const std::uint32_t word : block)
+  for (const std::uint32_t word : block.words)
     for (int k = 0; k < 4; ++k) out.push_back(static_cast<std::byte>(word >> (8 * k)));
   CHECK(to_hex(out) ==
         "a41f859c6608cc993b81cacb020cef05044b2181a2fd337dfd7b1c6396682f29b4393168e3c9e6bcfe6bc5b7a06d96bae424cc102c9174"

@@ -45,28 +45,31 @@ inline void pbkdf2_once(ByteSpan password, ByteSpan salt, std::span<std::byte> o
   }
 }
 
-using SalsaBlock = std::array<std::uint32_t, 16>;
+// Plain arrays, not std::array or spans: without an optimiser a call for each word would take 9 s a key, not 2.
+struct SalsaBlock {
+  std::uint32_t words[16];
+};
 
 /// Salsa20 with 8 rounds, in place (RFC 7914, 3).
 inline void salsa20_8(SalsaBlock& block) {
-  SalsaBlock x = block;
-  const auto quarter = [&x](std::size_t a, std::size_t b, std::size_t c, std::size_t d) {
-    x[b] ^= std::rotl(x[a] + x[d], 7);
-    x[c] ^= std::rotl(x[b] + x[a], 9);
-    x[d] ^= std::rotl(x[c] + x[b], 13);
-    x[a] ^= std::rotl(x[d] + x[c], 18);
-  };
-  for (int round = 0; round < 8; round += 2) {
-    quarter(0, 4, 8, 12);
-    quarter(5, 9, 13, 1);
-    quarter(10, 14, 2, 6);
-    quarter(15, 3, 7, 11);
-    quarter(0, 1, 2, 3);
-    quarter(5, 6, 7, 4);
-    quarter(10, 11, 8, 9);
-    quarter(15, 12, 13, 14);
-  }
-  for (std::size_t i = 0; i < 16; ++i) block[i] += x[i];
+  // The four words of each quarter round: columns, then rows.
+  static constexpr unsigned char quarters[8][4] = {{0, 4, 8, 12}, {5, 9, 13, 1}, {10, 14, 2, 6}, {15, 3, 7, 11},
+                                                   {0, 1, 2, 3},  {5, 6, 7, 4},  {10, 11, 8, 9}, {15, 12, 13, 14}};
+  std::uint32_t x[16];
+  for (int i = 0; i < 16; ++i) x[i] = block.words[i];
+  for (int round = 0; round < 8; round += 2)
+    for (const auto& quarter : quarters) {
+      std::uint32_t a = x[quarter[0]], b = x[quarter[1]], c = x[quarter[2]], d = x[quarter[3]], sum = a + d;
+      b ^= sum << 7 | sum >> 25;
+      sum = b + a;
+      c ^= sum << 9 | sum >> 23;
+      sum = c + b;
+      d ^= sum << 13 | sum >> 19;
+      sum = d + c;
+      a ^= sum << 18 | sum >> 14;
+      x[quarter[0]] = a, x[quarter[1]] = b, x[quarter[2]] = c, x[quarter[3]] = d;
+    }
+  for (int i = 0; i < 16; ++i) block.words[i] += x[i];
 }
 
 /// scryptBlockMix of 2 r blocks, from `in` to `out` (RFC 7914, 4).
@@ -74,7 +77,8 @@ inline void scrypt_block_mix(std::span<const SalsaBlock> in, std::span<SalsaBloc
   SalsaBlock x = in.back();
   const std::size_t half = in.size() / 2;
   for (std::size_t i = 0; i < in.size(); ++i) {
-    for (std::size_t w = 0; w < 16; ++w) x[w] ^= in[i][w];
+    const std::uint32_t* const words = in[i].words;
+    for (int w = 0; w < 16; ++w) x.words[w] ^= words[w];
     salsa20_8(x);
     out[i / 2 + (i % 2) * half] = x;
   }
@@ -86,7 +90,7 @@ inline void scrypt_ro_mix(std::span<std::byte> lane, const ScryptCost& cost) {
   std::vector<SalsaBlock> table(blocks * n), x(blocks), y(blocks);
   for (std::size_t i = 0; i < 16 * blocks; ++i) {
     const auto byte = [&](std::size_t k) { return std::to_integer<std::uint32_t>(lane[4 * i + k]); };
-    x[i / 16][i % 16] = byte(0) | byte(1) << 8 | byte(2) << 16 | byte(3) << 24;
+    x[i / 16].words[i % 16] = byte(0) | byte(1) << 8 | byte(2) << 16 | byte(3) << 24;
   }
   for (std::size_t i = 0; i < n; ++i) {
     std::copy(x.begin(), x.end(), table.begin() + static_cast<std::ptrdiff_t>(i * blocks));
@@ -94,14 +98,17 @@ inline void scrypt_ro_mix(std::span<std::byte> lane, const ScryptCost& cost) {
     x.swap(y);
   }
   for (std::size_t i = 0; i < n; ++i) {
-    const std::size_t j = x[blocks - 1][0] & (n - 1);  // Integerify modulo N, N at most 2^32
-    for (std::size_t k = 0; k < blocks; ++k)
-      for (std::size_t w = 0; w < 16; ++w) x[k][w] ^= table[j * blocks + k][w];
+    const std::size_t j = x[blocks - 1].words[0] & (n - 1);  // Integerify modulo N, N at most 2^32
+    for (std::size_t k = 0; k < blocks; ++k) {
+      std::uint32_t* const mixed = x[k].words;
+      const std::uint32_t* const read = table[j * blocks + k].words;
+      for (int w = 0; w < 16; ++w) mixed[w] ^= read[w];
+    }
     scrypt_block_mix(x, y);
     x.swap(y);
   }
   for (std::size_t i = 0; i < 16 * blocks; ++i)
-    for (std::size_t k = 0; k < 4; ++k) lane[4 * i + k] = static_cast<std::byte>(x[i / 16][i % 16] >> (8 * k));
+    for (std::size_t k = 0; k < 4; ++k) lane[4 * i + k] = static_cast<std::byte>(x[i / 16].words[i % 16] >> (8 * k));
 }
 
 }  // namespace detail
