@@ -238,7 +238,7 @@ TEST_CASE("app/informed: a message too short to decide is no reason where the sp
   const Verification nothing = both_verdicts(message, {0.1, 0.9, 100, 10});
   CHECK(nothing.verdict == Verdict::not_detected);
   CHECK(verdict_text(nothing).find("NOT DETECTED: ") == 0);
-  // 2 exp(-d^2 / 2) reaches 1e-6 from 5.387 deviations on: with 5.38 neither test could, however many cells they are of.
+  // 2 exp(-d^2 / 2) reaches 1e-6 from 5.387 deviations on: with 5.38 neither test could, of any number of cells.
   CHECK(both_verdicts(message, {0.1, 0.9, 30, 5.39}).verdict == Verdict::not_detected);
   for (const double most : {0.0, 5.38}) {
     const Verification neither = both_verdicts(message, {0.1, 0.9, 1000, most});

@@ -114,8 +114,8 @@ class SplatArena {
 }  // namespace detail
 
 /// Moves `table` towards what `model` shows from `cameras`. Deterministic, whatever the number of threads. An Error
-/// where a view of either shows more than the rasterizer has memory for (RasterReport::error); the table then is that of
-/// the iterations before.
+/// where a view of either shows more than the rasterizer has memory for (RasterReport::error); the table then is that
+/// of the iterations before.
 template <Recipe R, Executor E>
   requires std::same_as<typename R::Scalar, float>
 [[nodiscard]] Result<SplatRefineReport> refine_splats(const Model<R>& model, SplatTable& table,

@@ -95,8 +95,8 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   }
 
   /// One iteration. An iteration that does not read (MessageSettings::novel_view_every) changes nothing. An Error comes
-  /// from a view that shows more than the rasterizer has memory for (RasterReport::error), and leaves the state where it
-  /// was.
+  /// from a view that shows more than the rasterizer has memory for (RasterReport::error), and leaves the state where
+  /// it was.
   template <class Views>
   [[nodiscard]] Result<IterationReport> step(const Views& views) {
     static_assert(Loop::template has_cameras_of_recipe<const Views>,
