@@ -216,17 +216,17 @@ TEST_CASE("app/informed: two tests are one verdict, at twice the price") {
   Verification message;
   message.settings.tries = 2;
   message.p_corrected = 0.4;
-  CHECK(both_verdicts(message, {10, 1e-9, 100}).verdict == Verdict::detected);
-  CHECK(both_verdicts(message, {10, 1e-9, 100}).p_corrected == 2e-9);
-  CHECK(both_verdicts(message, {3, 1e-3, 100}).verdict == Verdict::inconclusive);
+  CHECK(both_verdicts(message, {10, 1e-9, 100, 10}).verdict == Verdict::detected);
+  CHECK(both_verdicts(message, {10, 1e-9, 100, 10}).p_corrected == 2e-9);
+  CHECK(both_verdicts(message, {3, 1e-3, 100, 10}).verdict == Verdict::inconclusive);
   // Not without the price: 0.7e-6 is below the rate of 1e-6, twice that is not.
-  CHECK(both_verdicts(message, {3, 0.7e-6, 100}).verdict == Verdict::inconclusive);
-  CHECK(both_verdicts(message, {3, 0.4e-6, 100}).verdict == Verdict::detected);
-  CHECK(both_verdicts(message, {0, 1, 100}).verdict == Verdict::not_detected);
-  CHECK(both_verdicts(message, {0, 1, 100}).p_corrected == 0.4);
+  CHECK(both_verdicts(message, {3, 0.7e-6, 100, 10}).verdict == Verdict::inconclusive);
+  CHECK(both_verdicts(message, {3, 0.4e-6, 100, 10}).verdict == Verdict::detected);
+  CHECK(both_verdicts(message, {0, 1, 100, 10}).verdict == Verdict::not_detected);
+  CHECK(both_verdicts(message, {0, 1, 100, 10}).p_corrected == 0.4);
   message.p_corrected = 1e-9;
   message.verdict = Verdict::detected;
-  CHECK(both_verdicts(message, {0, 1, 100}).verdict == Verdict::detected);
+  CHECK(both_verdicts(message, {0, 1, 100, 10}).verdict == Verdict::detected);
 }
 
 TEST_CASE("app/informed: a message too short to decide is no reason where the spread mark could") {
@@ -235,18 +235,18 @@ TEST_CASE("app/informed: a message too short to decide is no reason where the sp
   message.bits = 8;
   message.p_corrected = 0.4;
   message.verdict = Verdict::inconclusive;  // as verify_message has it without a threshold
-  const Verification nothing = both_verdicts(message, {0.1, 0.9, 100});
+  const Verification nothing = both_verdicts(message, {0.1, 0.9, 100, 10});
   CHECK(nothing.verdict == Verdict::not_detected);
   CHECK(verdict_text(nothing).find("NOT DETECTED: ") == 0);
-  // 2 exp(-cells / 2) reaches 1e-6 from 30 cells on: with 29 neither test could.
-  CHECK(both_verdicts(message, {0.1, 0.9, 30}).verdict == Verdict::not_detected);
-  for (const std::size_t cells : {std::size_t{0}, std::size_t{29}}) {
-    const Verification neither = both_verdicts(message, {0.1, 0.9, cells});
+  // 2 exp(-d^2 / 2) reaches 1e-6 from 5.387 deviations on: with 5.38 neither test could, of any number of cells.
+  CHECK(both_verdicts(message, {0.1, 0.9, 30, 5.39}).verdict == Verdict::not_detected);
+  for (const double most : {0.0, 5.38}) {
+    const Verification neither = both_verdicts(message, {0.1, 0.9, 1000, most});
     CHECK(neither.verdict == Verdict::inconclusive);
     CHECK(verdict_text(neither).find("Use a longer message") != std::string::npos);
   }
   // Suspicious, and more pictures could decide, though not by the message.
-  const Verification suspicious = both_verdicts(message, {3, 1e-3, 100});
+  const Verification suspicious = both_verdicts(message, {3, 1e-3, 100, 10});
   CHECK(suspicious.verdict == Verdict::inconclusive);
   CHECK(verdict_text(suspicious).find("Read more views") != std::string::npos);
 }

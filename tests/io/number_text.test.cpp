@@ -9,6 +9,8 @@
 #include <compmark/io/number_text.hpp>
 #include <cstdio>
 #include <limits>
+#include <locale>
+#include <sstream>
 #include <string>
 
 using namespace compmark;
@@ -38,6 +40,22 @@ TEST_CASE("io/number_text: what printf writes in the locale of C, and the shorte
   CHECK(detail::exact_text(0.1) == "0.1");
   CHECK(detail::fixed_number(std::numeric_limits<double>::max(), 1).size() == 311);  // 309 digits, a point, one more
   CHECK(detail::short_number(std::numeric_limits<double>::infinity()) == "inf");
+}
+
+TEST_CASE("io/number_text: nor is the comma of a program's C++ locale, which is everywhere to be had") {
+  struct DecimalComma : std::numpunct<char> {
+    [[nodiscard]] char do_decimal_point() const override { return ','; }
+    [[nodiscard]] char do_thousands_sep() const override { return '.'; }
+    [[nodiscard]] std::string do_grouping() const override { return "\3"; }
+  };
+  const std::locale before = std::locale::global(std::locale(std::locale::classic(), new DecimalComma));
+  std::ostringstream stream;
+  stream << 12345.5;
+  const std::string ours =
+      detail::fixed_number(12345.5, 1) + " " + detail::exact_text(12345.5) + " " + detail::short_number(12345.5, 6);
+  std::locale::global(before);
+  CHECK(stream.str() == "12.345,5");  // the control
+  CHECK(ours == "12345.5 12345.5 12345.5");
 }
 
 TEST_CASE("io/number_text: a program's comma is no part of a number here") {

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "compmark/io/splat/read_splat.hpp"
@@ -113,6 +114,26 @@ TEST_CASE("io/splat_formats: .splat, bytes of colour, opacity and rotation") {
   bound.color = bound.opacity = 1.0 / 255 / 2;
   bound.rotation = 2 * std::sqrt(4.0) / 256 / 2 * 1.01;  // four components by 1/256, on a quaternion near norm 1
   check_rounding("scene.splat", table, bound, [&](int drop) { return antimatter_bytes(table, drop); });
+}
+
+TEST_CASE("io/splat_formats: .splat is told by its numbers below a limit, and above by the ending of its name") {
+  SplatTable table = random_splats(20, 0);
+  for (const auto& [place, told] : {std::pair(0.99e9f, true), std::pair(1.01e9f, false)}) {
+    table.mean[1][7] = place;
+    const std::vector<std::byte> bytes = antimatter_bytes(table, 0);
+    CHECK(looks_like_antimatter_splat(bytes) == told);
+    const Result<SplatFile> unnamed = parse_splat(bytes, "download");
+    CHECK(unnamed.ok() == told);
+    const Result<SplatFile> named = parse_splat(bytes, "download.splat");
+    REQUIRE_MESSAGE(named.ok(), named.error().line());
+    CHECK(named->format == SplatFormat::splat);
+    CHECK(named->table.mean[1][7] == place);
+  }
+  table.mean[1][7] = 0;
+  for (const auto& [log_scale, told] : {std::pair(20.7f, true), std::pair(20.8f, false)}) {  // 0.98e9 and 1.08e9
+    table.log_scale[2][3] = log_scale;
+    CHECK(looks_like_antimatter_splat(antimatter_bytes(table, 0)) == told);
+  }
 }
 
 TEST_CASE("io/splat_formats: .ksplat of every level and degree") {

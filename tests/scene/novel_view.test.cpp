@@ -140,6 +140,17 @@ TEST_CASE("scene/novel_view: sampled cameras fill the triangle of a view and two
   CHECK(alone.center_world == cameras[0].center_world);
 }
 
+TEST_CASE("scene/novel_view: a camera is sampled by one look at the views, which all its neighbours come from") {
+  constexpr std::size_t views = 40;
+  std::size_t asked = 0;
+  const auto camera = [&](std::size_t i) {
+    ++asked;
+    return on_circle(2 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(views));
+  };
+  static_cast<void>(novel_view_camera(camera, views, 3, Random(1, 2, random_stage("test"))));
+  CHECK(asked <= views + 3);  // all of them once, and the three of the triangle; each draw looked at all before
+}
+
 TEST_CASE("scene/novel_view: views with clearance around them are drawn more often") {
   // Of so many equal parts of [0, 1), how many draw each view; cameras on a line.
   const auto sampled = [](const std::vector<double>& x, int parts) {

@@ -73,7 +73,10 @@ using ComparedObserver =
 template <class Json>
 [[nodiscard]] Json informed_json(const InformedReport& report) {
   const auto spread_json = [](const SpreadEvidence& spread) {
-    return Json{{"deviations", spread.deviations}, {"p_value", spread.p_value}, {"cells", spread.cells}};
+    return Json{{"deviations", spread.deviations},
+                {"p_value", spread.p_value},
+                {"cells", spread.cells},
+                {"most_deviations", spread.most_deviations}};
   };
   Json json;
   json["spread"] = spread_json(report.spread);
@@ -93,7 +96,8 @@ template <class Json>
 }
 
 /// Both tests as one verdict: `message` was made with settings.tries already doubled; the spread evidence is multiplied
-/// by the same here. Inconclusive for want of bits is only what the spread mark's cells could not decide either.
+/// by the same here. Inconclusive for want of bits is only what the spread mark could not decide either, had every cell
+/// agreed (SpreadEvidence::least_p_value).
 [[nodiscard]] Verification both_verdicts(Verification message, const SpreadEvidence& spread);
 
 }  // namespace compmark

@@ -95,12 +95,15 @@ template <class Cameras>
   }
   return found;
 }
-/// One of them, drawn with number `draw` of `random`; `view` itself where there is none.
+/// One of those of `view`, drawn with number `draw` of `random`; `view` itself where there is none.
+[[nodiscard]] inline std::size_t neighbouring_view(const NearestViews& near, std::size_t view, const Random& random,
+                                                   std::uint64_t draw) {
+  return near.count == 0 ? view : near.index[random.below(draw, near.count)];
+}
 template <class Cameras>
 [[nodiscard]] std::size_t neighbouring_view(const Cameras& cameras, std::size_t views, std::size_t view,
                                             const Random& random, std::uint64_t draw = 0) {
-  const NearestViews near = nearest_views(cameras, views, view);
-  return near.count == 0 ? view : near.index[random.below(draw, near.count)];
+  return neighbouring_view(nearest_views(cameras, views, view), view, random, draw);
 }
 
 /// The clearance round every view: the square of its distance to the third nearest other view, which is an area where
@@ -259,8 +262,9 @@ template <class AnyCamera>
 template <class Cameras>
 [[nodiscard]] auto novel_view_camera(const Cameras& cameras, std::size_t views, std::size_t view, const Random& random,
                                      double reach = 1) {
-  const std::size_t second = neighbouring_view(cameras, views, view, random, 0);
-  const std::size_t third = neighbouring_view(cameras, views, view, random, 1);
+  const NearestViews near = nearest_views(cameras, views, view);
+  const std::size_t second = neighbouring_view(near, view, random, 0);
+  const std::size_t third = neighbouring_view(near, view, random, 1);
   const auto side = camera_between(cameras(second), cameras(third), random.uniform(2));
   const auto camera = camera_between(cameras(view), side, reach * random.uniform(3));
   return detail::camera_perturbed(camera, random);

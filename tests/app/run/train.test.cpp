@@ -9,6 +9,7 @@
 #include <compmark/app/run/train.hpp>
 #include <cstddef>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -268,6 +269,63 @@ TEST_CASE("app/run/train: a finished run with another key or codec is told by th
   plan.model = "model.safetensors";
   CHECK(told("scaffold", "scaffold", marked, marked).empty());
   CHECK(told("hac", "context_gs", marked, {{"--key", "a"}, {"--model", "z"}}).empty());
+}
+
+TEST_CASE("app/run/train: a run without a key is not resumed with one, which is said before anything is trained") {
+  const testing::SmallCapture scene("compmark-run-key-later");
+  static_cast<void>(scene.make_key());
+  ThreadExecutor executor(2);
+  KeepingObserver told, quiet;
+  TrainSceneSettings settings = scene.training("run");
+  told.stop_after = 3;
+  REQUIRE_FALSE(train_scene(settings, executor, told).ok());
+  settings.resume = true;
+  const auto refused = [&](const std::string& why) {
+    TrainSceneSettings keyed = settings;
+    keyed.mark.key = scene.key;
+    quiet.stop_after = 1;
+    const Result<RunOutcome> outcome = train_scene(keyed, executor, quiet);
+    REQUIRE_FALSE(outcome.ok());
+    CAPTURE(outcome.error().line());
+    CHECK(outcome.error().line().find(why) != std::string::npos);
+    CHECK(quiet.progress.empty());
+    CHECK_FALSE(std::filesystem::exists(settings.out / "unmarked/checkpoint.safetensors"));
+  };
+  refused("is of a run without --key");
+  told.stop_after = 0;
+  const Result<RunOutcome> finished = train_scene(settings, executor, told);
+  REQUIRE(finished.ok());
+  refused("compmark embed --model " + finished->model.string());
+  // Negative control: with --force it is replaced, and its training begins.
+  settings.force = true;
+  settings.mark.key = scene.key;
+  CHECK_FALSE(train_scene(settings, executor, quiet).ok());
+  CHECK(quiet.progress.size() == 1);
+}
+
+TEST_CASE("app/run/train: a finished run of another key is told before anything is trained") {
+  const testing::SmallCapture scene("compmark-run-other-key");
+  const OwnerKey key = scene.make_key();
+  Digest256 secret{};
+  secret[5] = std::byte{10};
+  const Result<OwnerKey> other = make_key(secret, "2026-01-31T23:59:59Z", 8);
+  REQUIRE(other.ok());
+  const std::filesystem::path model = scene.folder.path / "model.safetensors";
+  detail::RunPlan plan;
+  plan.out = scene.folder.path;
+  plan.resume = true;
+  std::ofstream(model) << "a model";
+  RunResults results;
+  results.model_sha256 = *file_sha256(model);
+  results.identity = nlohmann::json{{"files", {{"--key", key.commitment()}}}}.dump();
+  REQUIRE(write_results(plan.out / "results.json", results).ok());
+  REQUIRE(detail::holds_finished_run(plan.out));
+  CHECK(detail::check_resumes_mark(plan, key, plan.out / "unmarked").ok());
+  const Result<Done> refused = detail::check_resumes_mark(plan, *other, plan.out / "unmarked");
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().problem.find("--key differs") != std::string::npos);
+  plan.force = true;
+  CHECK(detail::check_resumes_mark(plan, *other, plan.out / "unmarked").ok());
 }
 
 TEST_CASE("app/run/train: marks_afterwards says whether an unmarked model comes first") {

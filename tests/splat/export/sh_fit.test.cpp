@@ -51,7 +51,9 @@ double mean_psnr(const Model<BakeRecipe>& model, const SplatTable& table, const 
 SplatTable fit(const Model<BakeRecipe>& model, const std::vector<Camera<double>>& cameras,
                const ShFitSettings& settings, ShFitReport& report, std::size_t threads = 2) {
   ThreadExecutor executor(threads);
-  return fit_splats(model, std::span<const Camera<double>>(cameras), settings, report, executor);
+  Result<SplatTable> table = fit_splats(model, std::span<const Camera<double>>(cameras), settings, report, executor);
+  REQUIRE(table.ok());
+  return std::move(*table);
 }
 
 /// Cameras between those of orbit_cameras(40): never used for fitting.
@@ -111,9 +113,10 @@ TEST_CASE("export/sh_fit: contributions add up to the alpha of the image") {
   const Camera<double> camera = testing::orbit_camera(4, 12);
   ThreadExecutor executor(2);
   ContributionMeter<BakeRecipe> meter;
-  const ViewContributions view = meter.measure(model, camera, 0, executor);
+  const Result<ViewContributions> view = meter.measure(model, camera, 0, executor);
+  REQUIRE(view.ok());
   double contributions = 0;
-  for (const auto& [slot, weight] : view.slots) contributions += static_cast<double>(weight);
+  for (const auto& [slot, weight] : view->slots) contributions += static_cast<double>(weight);
   // White Gaussians on black: every pixel is its own alpha.
   SplatTable table = bake_at_camera(model, camera, 0, executor);
   for (std::size_t c = 0; c < 3; ++c) {

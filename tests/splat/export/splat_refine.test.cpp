@@ -4,6 +4,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/splat/export/bake.hpp"
 #include "compmark/splat/export/sh_fit.hpp"
+#include "support/full_rasterizer.hpp"
 
 using namespace compmark;
 using testing::BakeRecipe;
@@ -23,6 +25,13 @@ std::vector<std::vector<float>> columns_of(SplatTable& table) {
   return columns;
 }
 
+/// Everything beyond the left half of the ring.
+constexpr bool right_of_origin(const Camera<float>& camera) { return camera.center_world[0] > 0; }
+
+struct FullRecipe : BakeRecipe {
+  using Rasterizer = testing::FullRasterizer<BakeRecipe::Rasterizer, right_of_origin>;
+};
+
 }  // namespace
 
 TEST_CASE(
@@ -34,7 +43,7 @@ TEST_CASE(
   for (std::size_t i = 3; i < 37; i += 6) held_out.push_back(testing::orbit_camera(i, 37));
   ThreadExecutor executor(2);
   ShFitReport fitted;
-  SplatTable table = fit_splats(model, std::span<const Camera<double>>(cameras), {}, fitted, executor);
+  SplatTable table = *fit_splats(model, std::span<const Camera<double>>(cameras), {}, fitted, executor);
   const std::vector<float> x = table.mean[0];
   const auto quality = [&] {
     const auto report = compare_bake(model, table, std::span<const Camera<double>>(held_out), {}, 0, executor);
@@ -43,8 +52,10 @@ TEST_CASE(
   const double before = quality();
   SplatRefineSettings settings;
   settings.iterations = 200;
-  const SplatRefineReport report =
+  const Result<SplatRefineReport> refined =
       refine_splats(model, table, std::span<const Camera<double>>(cameras), settings, executor);
+  REQUIRE(refined.ok());
+  const SplatRefineReport& report = *refined;
   const double after = quality();
   MESSAGE("fitted " << before << " dB, refined " << after << " dB");
   CHECK(after > before + 1);
@@ -58,15 +69,41 @@ TEST_CASE("export/splat_refine: the bits do not depend on the threads, and zero 
   const std::vector<Camera<double>> cameras = testing::orbit_cameras(8, 48);
   ShFitReport fitted;
   ThreadExecutor one(1), three(3);
-  SplatTable start = fit_splats(model, std::span<const Camera<double>>(cameras), {}, fitted, one);
+  SplatTable start = *fit_splats(model, std::span<const Camera<double>>(cameras), {}, fitted, one);
   SplatTable a = start, b = start, c = start;
   SplatRefineSettings settings;
   settings.iterations = 10;
-  refine_splats(model, a, std::span<const Camera<double>>(cameras), settings, one);
-  refine_splats(model, b, std::span<const Camera<double>>(cameras), settings, three);
+  REQUIRE(refine_splats(model, a, std::span<const Camera<double>>(cameras), settings, one).ok());
+  REQUIRE(refine_splats(model, b, std::span<const Camera<double>>(cameras), settings, three).ok());
   CHECK(columns_of(a) == columns_of(b));
   CHECK(columns_of(a) != columns_of(start));
   settings.iterations = 0;
-  refine_splats(model, c, std::span<const Camera<double>>(cameras), settings, one);
+  REQUIRE(refine_splats(model, c, std::span<const Camera<double>>(cameras), settings, one).ok());
   CHECK(columns_of(c) == columns_of(start));
+}
+
+TEST_CASE("export/splat_refine: a view that the rasterizer has no memory for ends fit and refinement with its error") {
+  const Model<BakeRecipe> plain = testing::bake_model(60, 2, 1);
+  Model<FullRecipe> model;
+  model.create(60, 1);
+  const auto from = plain.arena.all_values();
+  std::copy(from.begin(), from.end(), model.arena.all_values().begin());
+  model.render = plain.render;
+  std::vector<Camera<double>> all = testing::orbit_cameras(8, 48), left;
+  for (const Camera<double>& camera : all) {
+    if (camera.center_world[0] < 0) left.push_back(camera);
+  }
+  ThreadExecutor executor(2);
+  ShFitReport fitted;
+  Result<SplatTable> table = fit_splats(model, std::span<const Camera<double>>(left), {}, fitted, executor);
+  REQUIRE(table.ok());
+  const auto refused = fit_splats(model, std::span<const Camera<double>>(all), {}, fitted, executor);
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().kind == ErrorKind::exhausted);
+  SplatRefineSettings settings;
+  settings.iterations = 8;
+  CHECK(refine_splats(model, *table, std::span<const Camera<double>>(left), settings, executor).ok());
+  const auto ended = refine_splats(model, *table, std::span<const Camera<double>>(all), settings, executor);
+  REQUIRE_FALSE(ended.ok());
+  CHECK(ended.error().kind == ErrorKind::exhausted);
 }

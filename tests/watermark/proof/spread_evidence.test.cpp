@@ -39,6 +39,32 @@ TEST_CASE("watermark/proof/spread_evidence: the bound lies above the exact tail 
   }
 }
 
+TEST_CASE(
+    "watermark/proof/spread_evidence: no key is better than one that agrees with every cell, and that one reaches it") {
+  for (const double spread_of_sizes : {0.0, 1.0, 3.0}) {
+    const Random random(3, 0, random_stage("test/sizes"));
+    std::vector<double> sums(200);
+    for (std::size_t i = 0; i < sums.size(); ++i)
+      sums[i] = std::exp(spread_of_sizes * random.normal(i)) * ((random.bits(i + 1000) & 1) != 0 ? 1 : -1);
+    std::vector<std::int8_t> agrees;
+    for (const double sum : sums) agrees.push_back(sum > 0 ? 1 : -1);
+    const SpreadEvidence best = spread_evidence(agrees, sums);
+    CAPTURE(spread_of_sizes);
+    CHECK(best.deviations == best.most_deviations);
+    CHECK(best.p_value == best.least_p_value());
+    for (std::uint64_t key = 1; key < 50; ++key) {
+      const SpreadEvidence other = spread_evidence(signs_of(key, sums.size()), sums);
+      CHECK(other.most_deviations == best.most_deviations);
+      CHECK(other.p_value >= best.least_p_value());
+    }
+    // Cells that all say as much are worth their number, others less: of the widest, a fifth of it at most.
+    const double of_cells = std::sqrt(200.0);
+    if (spread_of_sizes == 0.0) CHECK(best.most_deviations == doctest::Approx(of_cells));
+    if (spread_of_sizes == 3.0) CHECK(best.most_deviations * best.most_deviations < 200.0 / 5);
+  }
+  CHECK(SpreadEvidence{}.least_p_value() == 1);
+}
+
 TEST_CASE("watermark/proof/spread_evidence: random keys are at most p with probability p, whatever the pictures say") {
   // Sums that are all alike, of very different sizes, and one that outweighs all: the last is where a normal law fails.
   for (const int shape : {0, 1, 2}) {

@@ -18,6 +18,7 @@
 #include "compmark/app/any_model.hpp"
 #include "compmark/app/capture.hpp"
 #include "compmark/app/detail/export_warnings.hpp"
+#include "compmark/app/detail/files.hpp"
 #include "compmark/app/detail/keep_evenly.hpp"
 #include "compmark/app/export.hpp"
 #include "compmark/app/recipe_model.hpp"
@@ -164,19 +165,22 @@ template <class R>
 
 /// Fits over all cameras of the training, and refines.
 template <class R>
-[[nodiscard]] SplatTable fitted_table(const Exported& of, const Model<R>& model, const ExportViews& views,
-                                      ExportReport& report, ThreadExecutor& executor) {
+[[nodiscard]] Result<SplatTable> fitted_table(const Exported& of, const Model<R>& model, const ExportViews& views,
+                                              ExportReport& report, ThreadExecutor& executor) {
   const ExportSettings& settings = of.settings;
   const std::span<const Camera<double>> train(views.train);
   ShFitSettings fit;
   fit.degree = settings.degree;
   report.cameras = train.size();
-  SplatTable table = fit_splats(model, train, fit, report.fit.emplace(), executor);
+  Result<SplatTable> table = fit_splats(model, train, fit, report.fit.emplace(), executor);
+  if (!table) return table.error();
   of.observer.on_fitted(report);
   if (settings.refine > 0) {
     SplatRefineSettings refine;
     refine.iterations = settings.refine;
-    report.refined = refine_splats(model, table, train, refine, executor);
+    Result<SplatRefineReport> refined = refine_splats(model, *table, train, refine, executor);
+    if (!refined) return refined.error();
+    report.refined = std::move(*refined);
     of.observer.on_refined(report);
   }
   return table;
@@ -185,8 +189,8 @@ template <class R>
 /// Bakes or fits; the report and the observer are told of a fit. Explicit Gaussians are written as they are, but for
 /// harmonics above the degree that is asked for.
 template <class R>
-[[nodiscard]] SplatTable exported_table(const Exported& of, const Model<R>& model, const ExportViews& views,
-                                        ExportReport& report, ThreadExecutor& executor) {
+[[nodiscard]] Result<SplatTable> exported_table(const Exported& of, const Model<R>& model, const ExportViews& views,
+                                                ExportReport& report, ThreadExecutor& executor) {
   const ExportSettings& settings = of.settings;
   if (!settings.view.empty()) return bake_at_camera(model, views.chosen->camera, unseen_view, executor);
   if constexpr (ExplicitModelRecipe<R>) {
@@ -285,7 +289,9 @@ template <class R>
   }
   const Result<Measured> measured = open_measured(of, model, info, views, executor);
   if (!measured) return measured.error();
-  const SplatTable table = exported_table(of, model, views, report, executor);
+  const Result<SplatTable> made = exported_table(of, model, views, report, executor);
+  if (!made) return named(made.error(), of.file);
+  const SplatTable& table = *made;
   const SplatTable scaled = info.unit == 1 ? SplatTable() : in_unit(table, info.unit);
   const SplatTable& in_file = info.unit == 1 ? table : scaled;
   report.degree = table.degree;

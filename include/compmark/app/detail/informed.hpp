@@ -105,9 +105,7 @@ inline Result<ComparedPicture> compare_picture(AnyModel& model, const Registrati
 COMPMARK_APP_INLINE Verification both_verdicts(Verification message, const SpreadEvidence& spread) {
   const double tries = static_cast<double>(message.settings.tries);
   const double spread_p = std::fmin(1, spread.p_value * tries);
-  // No cells can agree better than all of them: sqrt(cells) deviations.
-  message.spread_could_decide =
-      tries * std::exp(-0.5 * static_cast<double>(spread.cells)) <= message.settings.false_positive_rate;
+  message.spread_could_decide = tries * spread.least_p_value() <= message.settings.false_positive_rate;
   message.p_corrected = std::fmin(message.p_corrected, spread_p);
   if (message.p_corrected <= message.settings.false_positive_rate) {
     message.verdict = Verdict::detected;

@@ -40,9 +40,13 @@ struct AntimatterSplat {
 
 }  // namespace detail
 
-/// Whether bytes without any sign of a format are such a file: whole splats, and the first thousand of them have finite
-/// places, positive lengths and rotations of norm 1 to the rounding of their bytes. Of 32 random bytes one in a
-/// thousand passes.
+/// Places and lengths from here on are no sign of the format: random numbers have them, scenes do not.
+inline constexpr float antimatter_recognised = 1e9f;
+
+/// Whether bytes without any sign of a format are such a file: whole splats, and the first thousand of them have places
+/// and lengths below antimatter_recognised, lengths of at least 0 and rotations of norm 1 to the rounding of their
+/// bytes. Of 32 random bytes one in a thousand passes. A limit, not a law of the format: a file of larger numbers is
+/// read where its name ends in .splat, as the writer's does (read_splat).
 [[nodiscard]] inline bool looks_like_antimatter_splat(std::span<const std::byte> bytes) {
   if (bytes.empty() || bytes.size() % antimatter_splat_bytes != 0) return false;
   const std::size_t count = std::min<std::size_t>(1000, bytes.size() / antimatter_splat_bytes);
@@ -56,7 +60,8 @@ struct AntimatterSplat {
     }
     if (std::abs(std::sqrt(square) - 1) > 0.03) return false;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (!(std::abs(splat.mean[axis]) < 1e9f) || !(splat.scale[axis] >= 0) || !(splat.scale[axis] < 1e9f))
+      if (!(std::abs(splat.mean[axis]) < antimatter_recognised) || !(splat.scale[axis] >= 0) ||
+          !(splat.scale[axis] < antimatter_recognised))
         return false;
     }
   }

@@ -28,7 +28,8 @@ namespace compmark {
 
 /// The Gaussians that are drawn for this camera, colours as degree 0: rendered from here the table is the model. Those
 /// without opacity, which a codec's masks took, are left out. `view` chooses the appearance row, if the recipe has one.
-/// Cost: one render.
+/// The table is decoded before anything is drawn: it is whole, also where the view shows more than the rasterizer has
+/// memory for. Cost: one render.
 template <Recipe R, Executor E>
 [[nodiscard]] SplatTable bake_at_camera(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view,
                                         E& executor) {

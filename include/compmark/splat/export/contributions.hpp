@@ -15,6 +15,7 @@
 
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/splat/training/model.hpp"
@@ -34,10 +35,12 @@ class ContributionMeter {
  public:
   using T = typename R::Scalar;
 
+  /// An Error where the view shows more than the rasterizer has memory for (RasterReport::error).
   template <Executor E>
-  [[nodiscard]] ViewContributions measure(const Model<R>& model, const Camera<double>& camera,
-                                          std::size_t appearance_view, E& executor) {
-    pipeline_.forward(model, camera, appearance_view, context_, executor);
+  [[nodiscard]] Result<ViewContributions> measure(const Model<R>& model, const Camera<double>& camera,
+                                                  std::size_t appearance_view, E& executor) {
+    ForwardReport rendered = pipeline_.forward(model, camera, appearance_view, context_, executor);
+    if (rendered.raster.error) return std::move(*rendered.raster.error);
     context_.d_image_storage.resize(context_.image.size(), T(1));
     context_.d_gaussians.resize(context_.gaussians.size());
     context_.d_gaussians.set_zero();

@@ -32,6 +32,7 @@
 #include <vector>
 
 #include "compmark/core/executor.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/math/spherical_harmonics.hpp"
 #include "compmark/math/symmetric.hpp"
 #include "compmark/scene/camera.hpp"
@@ -208,15 +209,18 @@ class SlotAccumulator {
 }  // namespace detail
 
 /// Fits explicit Gaussians to renders of the model from `cameras` (the training cameras; at their own size, or smaller
-/// for speed).
+/// for speed). An Error where a view shows more than the rasterizer has memory for (RasterReport::error).
 template <Recipe R, Executor E>
-[[nodiscard]] SplatTable fit_splats(const Model<R>& model, std::span<const Camera<double>> cameras,
-                                    const ShFitSettings& settings, ShFitReport& report, E& executor) {
+[[nodiscard]] Result<SplatTable> fit_splats(const Model<R>& model, std::span<const Camera<double>> cameras,
+                                            const ShFitSettings& settings, ShFitReport& report, E& executor) {
   std::vector<ViewContributions> views;
   {
     ContributionMeter<R> meter;
-    for (const Camera<double>& camera : cameras)
-      views.push_back(meter.measure(model, camera, settings.appearance_view, executor));
+    for (const Camera<double>& camera : cameras) {
+      Result<ViewContributions> view = meter.measure(model, camera, settings.appearance_view, executor);
+      if (!view) return view.error();
+      views.push_back(std::move(*view));
+    }
   }
   const AnchorColumns<const typename R::Scalar> anchors = model.columns();
   const std::size_t per_anchor = detail::SlotAccumulator<R>::per_anchor, coefficients = sh_count(settings.degree);

@@ -17,6 +17,7 @@
 
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/scene/camera.hpp"
 #include "compmark/scene/splat_table.hpp"
 #include "compmark/splat/effect/concept.hpp"
@@ -112,59 +113,65 @@ class SplatArena {
 
 }  // namespace detail
 
-/// Moves `table` towards what `model` shows from `cameras`. Deterministic, whatever the number of threads.
+/// Moves `table` towards what `model` shows from `cameras`. Deterministic, whatever the number of threads. An Error
+/// where a view of either shows more than the rasterizer has memory for (RasterReport::error); the table then is that
+/// of the iterations before.
 template <Recipe R, Executor E>
-  requires std::same_as<typename R::Scalar, float> SplatRefineReport
-  refine_splats(const Model<R>& model, SplatTable& table, std::span<const Camera<double>> cameras,
-                const SplatRefineSettings& settings, E& executor) {
-    SplatRefineReport report;
-    if (table.count == 0 || cameras.empty() || settings.iterations <= 0) return report;
-    detail::SplatArena arena(table, settings);
-    const Pipeline<R> pipeline;
-    typename Pipeline<R>::Context target;
-    typename R::Rasterizer::Context context;
-    GaussianBatch<float> gaussians, d_gaussians;
-    Buffer<float> image, d_image;
-    Buffer<double> partial;
-    ViewOrder order(settings.seed, cameras.size());
-    const typename R::Rasterizer rasterizer = pipeline.rasterizer(model.render);
-    const LogLinear schedule{1, settings.final_rate, settings.iterations};
-    const auto window = std::min<std::int64_t>(settings.iterations, static_cast<std::int64_t>(cameras.size()));
-    for (std::int64_t t = 1; t <= settings.iterations; ++t) {
-      const Camera<double>& camera = cameras[order.at(t)];
-      const Camera<float> scalar_camera = camera.template cast<float>();
-      pipeline.forward(model, camera, settings.appearance_view, target, executor);
-      const std::size_t size = target.image.size();
-      image.resize(size);
-      d_image.resize(size);
-      to_gaussians(table, camera.center_world, gaussians, executor);
-      d_gaussians.resize(table.count);
-      d_gaussians.set_zero();
-      rasterizer.forward(std::as_const(gaussians).columns(), scalar_camera, pipeline.background(model.render),
-                         ImageView<float>{image.data(), 3, camera.height, camera.width}, context, executor);
-      constexpr std::size_t grain = std::size_t{1} << 14;
-      partial.resize(chunk_count(size, grain));
-      const double squares =
-          ordered_sum<double>(executor, size, grain, partial.span(), [&](std::size_t begin, std::size_t end) {
-            double sum = 0;
-            for (std::size_t i = begin; i < end; ++i) {
-              const float difference = image[i] - target.image.data[i];
-              d_image[i] = 2 * difference / static_cast<float>(size);
-              sum += static_cast<double>(difference) * static_cast<double>(difference);
-            }
-            return sum;
-          });
-      rasterizer.backward(std::as_const(gaussians).columns(), scalar_camera, pipeline.background(model.render),
-                          ImageView<const float>{d_image.data(), 3, camera.height, camera.width}, d_gaussians.columns(),
-                          context, executor);
-      to_gaussians_backward(table, camera.center_world, std::as_const(gaussians).columns(),
-                            std::as_const(d_gaussians).columns(), arena.gradient(), executor);
-      report.skipped_blocks += arena.step(schedule.value(t), executor);
-      const double mse = squares / static_cast<double>(size) / static_cast<double>(window);
-      if (t <= window) report.first_mse += mse;
-      if (t > settings.iterations - window) report.last_mse += mse;
-    }
-    return report;
+  requires std::same_as<typename R::Scalar, float>
+[[nodiscard]] Result<SplatRefineReport> refine_splats(const Model<R>& model, SplatTable& table,
+                                                      std::span<const Camera<double>> cameras,
+                                                      const SplatRefineSettings& settings, E& executor) {
+  SplatRefineReport report;
+  if (table.count == 0 || cameras.empty() || settings.iterations <= 0) return report;
+  detail::SplatArena arena(table, settings);
+  const Pipeline<R> pipeline;
+  typename Pipeline<R>::Context target;
+  typename R::Rasterizer::Context context;
+  GaussianBatch<float> gaussians, d_gaussians;
+  Buffer<float> image, d_image;
+  Buffer<double> partial;
+  ViewOrder order(settings.seed, cameras.size());
+  const typename R::Rasterizer rasterizer = pipeline.rasterizer(model.render);
+  const LogLinear schedule{1, settings.final_rate, settings.iterations};
+  const auto window = std::min<std::int64_t>(settings.iterations, static_cast<std::int64_t>(cameras.size()));
+  for (std::int64_t t = 1; t <= settings.iterations; ++t) {
+    const Camera<double>& camera = cameras[order.at(t)];
+    const Camera<float> scalar_camera = camera.template cast<float>();
+    ForwardReport shown = pipeline.forward(model, camera, settings.appearance_view, target, executor);
+    if (shown.raster.error) return std::move(*shown.raster.error);
+    const std::size_t size = target.image.size();
+    image.resize(size);
+    d_image.resize(size);
+    to_gaussians(table, camera.center_world, gaussians, executor);
+    d_gaussians.resize(table.count);
+    d_gaussians.set_zero();
+    RasterReport drawn =
+        rasterizer.forward(std::as_const(gaussians).columns(), scalar_camera, pipeline.background(model.render),
+                           ImageView<float>{image.data(), 3, camera.height, camera.width}, context, executor);
+    if (drawn.error) return std::move(*drawn.error);
+    constexpr std::size_t grain = std::size_t{1} << 14;
+    partial.resize(chunk_count(size, grain));
+    const double squares =
+        ordered_sum<double>(executor, size, grain, partial.span(), [&](std::size_t begin, std::size_t end) {
+          double sum = 0;
+          for (std::size_t i = begin; i < end; ++i) {
+            const float difference = image[i] - target.image.data[i];
+            d_image[i] = 2 * difference / static_cast<float>(size);
+            sum += static_cast<double>(difference) * static_cast<double>(difference);
+          }
+          return sum;
+        });
+    rasterizer.backward(std::as_const(gaussians).columns(), scalar_camera, pipeline.background(model.render),
+                        ImageView<const float>{d_image.data(), 3, camera.height, camera.width}, d_gaussians.columns(),
+                        context, executor);
+    to_gaussians_backward(table, camera.center_world, std::as_const(gaussians).columns(),
+                          std::as_const(d_gaussians).columns(), arena.gradient(), executor);
+    report.skipped_blocks += arena.step(schedule.value(t), executor);
+    const double mse = squares / static_cast<double>(size) / static_cast<double>(window);
+    if (t <= window) report.first_mse += mse;
+    if (t > settings.iterations - window) report.last_mse += mse;
   }
+  return report;
+}
 
 }  // namespace compmark

@@ -134,7 +134,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   }
 
   /// One iteration. An Error comes from the views, or from one that shows more than the rasterizer has memory for
-  /// (RasterReport::error), and leaves the state where it was.
+  /// (RasterReport::error), and leaves the state where it was; if that one is a sampled novel view, with gradients.
   template <class Views>
     requires TrainingViews<Views, Scalar>
   [[nodiscard]] Result<IterationReport> step(Views& views) {
@@ -164,10 +164,12 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     report.loss = pipeline_.loss(target_.view(), weights, context_, *executor_);
     pipeline_.backward(model, camera, report.view, context_, *executor_);
     control_density(t, camera, report);
+    std::optional<Error> failed;
     const TrainingPass<Pipeline<R>, Model<R>, Views, E> pass{
-        pipeline_, model, views, report.view, settings_.seed, t, phases_, *executor_, report.adjusted};
+        pipeline_, model, views, report.view, settings_.seed, t, phases_, *executor_, report.adjusted, failed};
     Stages::forward(
         [&]<class S>() { pipeline_.template stage<S>().after_backward(pass, stage_states_.template of<S>()); });
+    if (failed) return std::move(*failed);
     if (t < settings_
                 .iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
       // On an adjustment the anchors' tensors were rebuilt and their gradients of this iteration are gone, as in the

@@ -9,6 +9,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <type_traits>
 #include <utility>
@@ -37,7 +38,8 @@ struct TrainingPass {
   std::int64_t t;
   const typename PipelineType::Phases& phases;
   E& executor;
-  bool adjusted;  ///< anchors were born or died: the gradients of this iteration are gone
+  bool adjusted;                ///< anchors were born or died: the gradients of this iteration are gone
+  std::optional<Error>& error;  ///< set by a stage that cannot go on: the step ends with it
 };
 
 template <class Self, Recipe R, Executor E>

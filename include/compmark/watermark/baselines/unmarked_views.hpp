@@ -32,9 +32,11 @@ class UnmarkedViews {
 
   [[nodiscard]] std::size_t size() const { return views_->size(); }
   [[nodiscard]] auto camera(std::size_t i) const { return views_->camera(i); }
-  /// Fills `image` [3, height, width] of the size of camera i. No error.
+  /// Fills `image` [3, height, width] of the size of camera i. An Error where the view shows more than the
+  /// rasterizer has memory for (RasterReport::error).
   [[nodiscard]] Result<Done> load(std::size_t i, ImageView<Scalar> image) {
-    static_cast<void>(pipeline_.forward(*model_, views_->camera(i), i, context_, *executor_));
+    ForwardReport rendered = pipeline_.forward(*model_, views_->camera(i), i, context_, *executor_);
+    if (rendered.raster.error) return std::move(*rendered.raster.error);
     COMPMARK_ASSERT(image.size() == context_.image.size(), "UnmarkedViews: the image has not the camera's size");
     std::copy_n(context_.image.data, context_.image.size(), image.data);
     return Done{};

@@ -126,7 +126,8 @@ class NovelViewReading {
   }
 
   /// Reads the message near training view `view` in iteration t and adds the gradients to the model's. The stages are
-  /// in the phases of the iteration, but for what belongs to its photograph.
+  /// in the phases of the iteration, but for what belongs to its photograph. Where the report that is returned has an
+  /// error (raster), nothing was read and no gradient added.
   template <class Views, Executor E>
   auto read(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
             std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) {
@@ -135,7 +136,8 @@ class NovelViewReading {
                    executor);
   }
 
-  /// The same, with the loss of the difference to the unmarked render by the fidelity of `schedule`.
+  /// The same, with the loss of the difference to the unmarked render by the fidelity of `schedule`. An error may be
+  /// that of the unmarked render.
   template <class Views, Executor E>
   auto read_held(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
                  std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) requires(can_be_held) {
@@ -143,7 +145,9 @@ class NovelViewReading {
     const Phases marked = without_photograph(phases);
     Phases unmarked = marked;
     Pipeline<R>::Stages::forward([&]<class S>() { S::leave_mark(unmarked.template of<S>()); });
-    static_cast<void>(pipeline.forward(model, camera, view, context_, executor, unmarked));
+    report_ = {};
+    const auto plain = pipeline.forward(model, camera, view, context_, executor, unmarked);
+    if (plain.raster.error) return plain;
     unmarked_storage_.resize(context_.image.size());
     std::copy_n(context_.image.data, context_.image.size(), unmarked_storage_.data());
     return read_at(pipeline, model, camera, view, marked, schedule.novel_view_weight(t),
@@ -182,6 +186,8 @@ class NovelViewReading {
                Phases phases, double weight, double held, E& executor) {
     phases.template of<MessageStage>().weight = weight;
     const auto report = pipeline.forward(model, camera, view, context_, executor, phases);
+    report_ = {};
+    if (report.raster.error) return report;
     report_ = message_loss(pipeline, held, unmarked(), context_, executor);
     pipeline.backward(model, camera, view, context_, executor);
     return report;

@@ -94,7 +94,9 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     set_schedules(state_.model, settings_);
   }
 
-  /// One iteration. An iteration that does not read (MessageSettings::novel_view_every) changes nothing.
+  /// One iteration. An iteration that does not read (MessageSettings::novel_view_every) changes nothing. An Error comes
+  /// from a view that shows more than the rasterizer has memory for (RasterReport::error), and leaves the state where
+  /// it was.
   template <class Views>
   [[nodiscard]] Result<IterationReport> step(const Views& views) {
     static_assert(Loop::template has_cameras_of_recipe<const Views>,
@@ -108,6 +110,7 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     this->prepare_model(report.iteration, state_.model);
     report.rendered = schedule_.reads_between(report.iteration);
     if (report.rendered) read(views, report);
+    if (report.forward.raster.error) return std::move(*report.forward.raster.error);
     state_.iteration = report.iteration;
     return report;
   }
@@ -131,6 +134,7 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     if constexpr (present<StepCalibration<R>>) calibrate_steps(t);
     report.forward =
         reading_.read_held(pipeline_, model, views, report.view, settings_.seed, t, schedule_, phases_, *executor_);
+    if (report.forward.raster.error) return;
     const BlockHandle residual = model.template blocks<EmbedderStage>().residual;
     if constexpr (ExplicitModelRecipe<R>) {  // what the file that is written will not have carries nothing
       if constexpr (R::Embedder::target == AnchorAttribute::feature)

@@ -24,7 +24,8 @@ namespace compmark {
 
 /// One reading a view, "view 0" and so on. `views` has size() and camera(i), as that of a training; its photographs are
 /// not looked at. Views count as unseen in training: nothing that belongs to one photograph alone is in the render.
-/// Error: an image is too small for the decoder, or a logit is not finite.
+/// Error: a view shows more than the rasterizer has memory for (RasterReport::error), an image is too small for the
+/// decoder, or a logit is not finite.
 template <Recipe R, MessageDecoder D, class Views, Executor E>
 [[nodiscard]] Result<std::vector<ViewLogits>> read_model(const Model<R>& model, const Views& views, const D& decoder,
                                                          E& executor) {
@@ -34,7 +35,8 @@ template <Recipe R, MessageDecoder D, class Views, Executor E>
   typename D::Context scratch;
   std::vector<ViewLogits> readings;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    static_cast<void>(pipeline.forward(model, views.camera(i), unseen_view, context, executor));
+    ForwardReport rendered = pipeline.forward(model, views.camera(i), unseen_view, context, executor);
+    if (rendered.raster.error) return std::move(*rendered.raster.error);
     round_to_8bit<T>(context.image, context.image);
     Result<ViewLogits> reading =
         read_logits(decoder, ImageView<const T>(context.image), "view " + std::to_string(i), scratch, executor);

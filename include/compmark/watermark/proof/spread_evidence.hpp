@@ -21,6 +21,14 @@ struct SpreadEvidence {
   double deviations = 0;  ///< T / sqrt(sum of q_c^2): of a random key about normal, mean 0, deviation 1
   double p_value = 1;     ///< Hoeffding's bound; for a random key it is at most p with probability p or less
   std::size_t cells = 0;  ///< that a picture says something of
+  /// What a key that agrees with every cell would have: sum of |q_c| / sqrt(sum of q_c^2), sqrt(cells) where all cells
+  /// say as much, and less where few say most.
+  double most_deviations = 0;
+
+  /// The p-value of that key: these pictures can decide no rate below it.
+  [[nodiscard]] double least_p_value() const {
+    return std::fmax(std::exp(-0.5 * most_deviations * most_deviations), std::numeric_limits<double>::denorm_min());
+  }
 };
 
 /// `signs` and `sums` are [cells]; sums are finite.
@@ -29,14 +37,16 @@ struct SpreadEvidence {
   double largest = 0;  // scaled by it, so that no square overflows or is lost
   for (const double sum : sums) largest = std::fmax(largest, std::abs(sum));
   if (!(largest > 0)) return evidence;
-  double total = 0, energy = 0;
+  double total = 0, most = 0, energy = 0;
   for (std::size_t c = 0; c < sums.size(); ++c) {
     const double q = sums[c] / largest;
     total += static_cast<double>(signs[c]) * q;
+    most += std::abs(q);
     energy += q * q;
     if (sums[c] != 0) ++evidence.cells;
   }
   evidence.deviations = total / std::sqrt(energy);
+  evidence.most_deviations = most / std::sqrt(energy);
   // From 38.6 deviations on the bound is less than a double can say; a p-value of 0 does not exist.
   if (total > 0)
     evidence.p_value = std::fmax(std::exp(-0.5 * evidence.deviations * evidence.deviations),

@@ -73,7 +73,7 @@ struct Verification {
   Verdict verdict = Verdict::not_detected;
   VerifySettings settings;
   std::optional<RecipientTrace> recipients{};  ///< of a key that has some (recipients.hpp)
-  bool spread_could_decide = false;            ///< a spread mark was looked for too, in cells enough to reach the rate
+  bool spread_could_decide = false;  ///< a spread mark was looked for too, in cells that say enough to reach the rate
 };
 
 /// Smallest number of matches of `bits` whose p-value is at most `rate`; empty if even all bits are not enough.

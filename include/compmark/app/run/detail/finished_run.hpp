@@ -20,7 +20,9 @@
 #include "compmark/app/run/detail/run_mark.hpp"
 #include "compmark/app/run/differences.hpp"
 #include "compmark/app/run/run_results.hpp"
+#include "compmark/io/file_exists.hpp"
 #include "compmark/io/json_file.hpp"
+#include "compmark/io/owner_key.hpp"
 #include "compmark/io/safetensors.hpp"
 #include "compmark/splat/training/checkpoint.hpp"
 #include "compmark/splat/training/model_info.hpp"
@@ -176,6 +178,35 @@ inline void compare_data(const ModelInfo& before, const ModelInfo& now, Differen
   const bool of_mark = !plan.model.empty() && trained_codec(codec_before) == trained_codec(codec_now);
   if (codec_before == codec_now || of_mark) return Done{};
   return refused("--codec was " + codec_before + " and is " + codec_now, "give --codec " + codec_before + " again");
+}
+
+/// An error where what is resumed in plan.out is not the marking of a model that lies in `unmarked`, so that a training
+/// would begin whose mark cannot be hidden there: a run without a key, finished or not, or a finished one of another
+/// key. With `force` a finished one is replaced.
+[[nodiscard]] inline Result<Done> check_resumes_mark(const RunPlan& plan, const OwnerKey& key,
+                                                     const std::filesystem::path& unmarked) {
+  const std::filesystem::path checkpoint = plan.out / "checkpoint.safetensors";
+  if (!plan.resume) return Done{};
+  if (file_exists(checkpoint) && !file_exists(unmarked / "model.safetensors")) {  // a mark's comes after its model
+    return Error{ErrorKind::invalid, checkpoint.string(), "--resume", "is of a run without --key",
+                 "continue it without --key and mark its model with compmark embed, or choose another --out"};
+  }
+  if (plan.force || !holds_finished_run(plan.out)) return Done{};
+  const Result<RunResults> results = read_results(plan.out / "results.json");
+  if (!results) return results.error();
+  const nlohmann::json before = json_from<nlohmann::json>(results->identity);
+  if (!before.is_object()) return Done{};  // of a version that kept less
+  const nlohmann::json key_before = before.value("files", nlohmann::json::object()).value("--key", nlohmann::json());
+  if (key_before.is_null()) {
+    return Error{ErrorKind::invalid, plan.out.string(), "--resume",
+                 "the run in this folder is finished (results.json), and was made without --key",
+                 "mark its model with compmark embed --model " + (plan.out / "model.safetensors").string() +
+                     ", or choose another --out to train it again"};
+  }
+  if (key_before == key.commitment()) return Done{};
+  return Error{ErrorKind::invalid, plan.out.string(), "--resume",
+               "the run in this folder is finished (results.json), and --key differs",
+               "give the --key that it was made with, or choose another --out"};
 }
 
 /// Whether the run in plan.out is finished and has the same settings. An error names the options that differ; with

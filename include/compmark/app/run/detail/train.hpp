@@ -44,6 +44,8 @@ namespace detail {
   plan.folder = std::move(*held);
   const std::filesystem::path checkpoint = plan.out / "checkpoint.safetensors";
   if (!plan.resume && detail::file_exists(checkpoint)) return unfinished_run(checkpoint);
+  if (Result<Done> goes_on = check_resumes_mark(plan, *key, plan.out / unmarked_folder); !goes_on)
+    return goes_on.error();
   const std::filesystem::path decoder = plan.out / "decoder.safetensors";
   const bool fits = plan.mark.decoder.empty();
   if (fits && !plan.resume && !plan.force && detail::file_exists(decoder)) {

@@ -79,8 +79,9 @@ class MessageStage : public Stage<MessageStage<Decoder>> {
   template <class Training, class State>
   void after_backward(const Training& training, State& state) const {
     if (training.adjusted || !phases_.reads_between(training.t)) return;
-    static_cast<void>(state.read(training.pipeline, training.model, training.views, training.view, training.seed,
-                                 training.t, phases_, training.phases, training.executor));
+    const auto report = state.read(training.pipeline, training.model, training.views, training.view, training.seed,
+                                   training.t, phases_, training.phases, training.executor);
+    if (report.raster.error) training.error = report.raster.error;
   }
 
   template <class Pass, class Report>
