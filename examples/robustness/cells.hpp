@@ -100,6 +100,7 @@ inline void add(std::vector<Row>& rows, const char* table, RobustnessKind kind, 
   const char* removal = "removal";
   add(rows, removal, model, "feature_noise", {"0.05", "0.1", "0.2", "0.5"});
   add(rows, removal, model, "smooth_features", {"0.1", "0.25", "0.5", "1"});
+  add(rows, removal, model, "smooth_neighbours", {"0.1", "0.25", "0.5", "1"});
   add(rows, removal, pgd, "pgd", {"0.00392", "0.00784", "0.0157", "0.0314", "0.1"}, {{"0.1", "84.3"}});
   add(rows, removal, pgd, "pgd_random", {"0.0314", "0.1"});
   add(rows, removal, pgd, "pgd_no_key", {"0.0314", "0.1"});

@@ -10,6 +10,7 @@
 #include "compmark/watermark/attack/field_attacks.hpp"
 #include "compmark/watermark/attack/file_attacks.hpp"
 #include "compmark/watermark/attack/model_attacks.hpp"
+#include "compmark/watermark/attack/neighbour_smoothing.hpp"
 #include "compmark/watermark/attack/number_attacks.hpp"
 #include "compmark/watermark/attack/pgd.hpp"
 #include "compmark/watermark/attack/picture_attacks.hpp"

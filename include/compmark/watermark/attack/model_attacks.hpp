@@ -18,6 +18,7 @@
 #include "compmark/splat/quantizer/int8_quantizer.hpp"
 #include "compmark/watermark/attack/anchor_attacks.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
+#include "compmark/watermark/attack/neighbour_smoothing.hpp"
 #include "compmark/watermark/attack/number_attacks.hpp"
 #include "compmark/watermark/attack/quantize_model.hpp"
 
@@ -90,6 +91,6 @@ struct CloneAttack {
 using ModelAttacks =
     AttackList<Int8Attack, AnchorNoiseAttack, PruneAttack, CloneAttack, MantissaAttack, JitterAttack, ColourBiasAttack,
                ParameterNoiseAttack, FeatureNoiseAttack, Float16Attack, Int4Attack, LightGaussianAttack,
-               OpacityPruneAttack, CutOutAttack, MergeAttack, SmoothFeaturesAttack>;
+               OpacityPruneAttack, CutOutAttack, MergeAttack, SmoothFeaturesAttack, NeighbourSmoothingAttack>;
 
 }  // namespace compmark
