@@ -18,7 +18,6 @@
 #include "compmark/app/any_model.hpp"
 #include "compmark/app/capture.hpp"
 #include "compmark/app/detail/export_warnings.hpp"
-#include "compmark/app/detail/files.hpp"
 #include "compmark/app/detail/keep_evenly.hpp"
 #include "compmark/app/export.hpp"
 #include "compmark/app/recipe_model.hpp"
@@ -216,8 +215,8 @@ template <class R>
   return write_viewer_page(of.out, table, page);
 }
 
-/// What is up in the cameras of a model, for who reads the file. Nothing where nobody knows: where the cameras were made
-/// up round splats, and their file did not say it.
+/// What is up in the cameras of a model, for who reads the file. Nothing where nobody knows: where the cameras were
+/// made up round splats, and their file did not say it.
 [[nodiscard]] inline std::optional<std::array<double, 3>> known_up(const ModelInfo& info) {
   if (cameras_are_made_up(info)) return info.up;
   std::vector<Camera<double>> cameras;
@@ -290,7 +289,11 @@ template <class R>
   const Result<Measured> measured = open_measured(of, model, info, views, executor);
   if (!measured) return measured.error();
   const Result<SplatTable> made = exported_table(of, model, views, report, executor);
-  if (!made) return named(made.error(), of.file);
+  if (!made) {
+    Error error = made.error();
+    if (error.file.empty()) error.file = of.file.string();
+    return error;
+  }
   const SplatTable& table = *made;
   const SplatTable scaled = info.unit == 1 ? SplatTable() : in_unit(table, info.unit);
   const SplatTable& in_file = info.unit == 1 ? table : scaled;
