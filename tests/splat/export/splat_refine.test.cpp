@@ -28,7 +28,7 @@ std::vector<std::vector<float>> columns_of(SplatTable& table) {
 /// Everything beyond the left half of the ring.
 constexpr bool right_of_origin(const Camera<float>& camera) { return camera.center_world[0] > 0; }
 
-struct FullRecipe : BakeRecipe {
+struct FullViewRecipe : BakeRecipe {
   using Rasterizer = testing::FullRasterizer<BakeRecipe::Rasterizer, right_of_origin>;
 };
 
@@ -84,7 +84,7 @@ TEST_CASE("export/splat_refine: the bits do not depend on the threads, and zero 
 
 TEST_CASE("export/splat_refine: a view that the rasterizer has no memory for ends fit and refinement with its error") {
   const Model<BakeRecipe> plain = testing::bake_model(60, 2, 1);
-  Model<FullRecipe> model;
+  Model<FullViewRecipe> model;
   model.create(60, 1);
   const auto from = plain.arena.all_values();
   std::copy(from.begin(), from.end(), model.arena.all_values().begin());
