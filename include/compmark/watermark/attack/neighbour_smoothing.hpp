@@ -5,8 +5,8 @@
 // those of its nearest neighbours in space. A mark that is drawn anchor by anchor is not in that mean, what the scene
 // says in common is. Weights fall with the square of the distance (Shepard, ACM National Conference 1968).
 // smooth_features (anchor_attacks.hpp) takes neighbours along a Morton curve, which are no neighbours where it jumps.
-// Cost: a sort along one axis, and of each anchor those within its farthest neighbour along it; 20,000 to 100,000
-// anchors take a fraction of a second to a few seconds.
+// Cost: a sort along one axis, and of each anchor those within its farthest neighbour along it, at worst all pairs;
+// with the files 0.27 s for 26,535 anchors (chair) and 1.2 s for 80,000 (fern).
 #pragma once
 
 #include <algorithm>
