@@ -6,7 +6,7 @@
 // with (docs/robustness.md).
 //
 //   reproduce_robustness --run DIR ... --out OUT [--key KEY] [--decoder FILE] [--unmarked FILE] [--copy MODEL ...]
-//     [--also NAME=MODEL ...] [--views N] [--informed-views N] [--picture A ...] [--model A ...] [--pgd A ...]
+//     [--also NAME=MODEL ...] [--views N] [--informed-views N] [--picture A ...] [--model A ...] [--pgd A ...] [--pruned]
 //
 // A run is a folder of compmark train or embed, or one with such folders in it. What is finished is not measured again:
 // every cell has a file in OUT/cells. OUT/robustness.csv, .json, .md and .html are written after each scene.
@@ -47,6 +47,7 @@ struct Options {
   fs::path out, key, decoder, unmarked;
   std::size_t views = 8, informed_views = 1, recipient = 0, threads = 0;
   std::uint64_t seed = 0;
+  bool pruned = false;
 };
 
 int fail(const Error& error) { return fidelity::fail(program, error); }
@@ -158,6 +159,7 @@ Result<Done> measure(const Scene& scene, const std::vector<Row>& rows, const Opt
   settings.informed_views = options.informed_views;
   settings.seed = options.seed;
   settings.recipient = options.recipient;
+  settings.pruned = options.pruned;
   const Result<Json> identity = identity_of(scene, settings);
   if (!identity) return identity.error();
   std::optional<compmark::RobustnessBench> bench;
@@ -208,6 +210,8 @@ int run(int argc, char** argv) {
   app.add_option("--informed-views", options.informed_views, "pictures of each cell that are read informed")
       ->capture_default_str();
   app.add_option("--seed", options.seed, "of attacks that draw random numbers")->capture_default_str();
+  app.add_flag("--pruned", options.pruned,
+               "read attacked models as verify --pruned does, in four ways; p-values are corrected for them");
   app.add_option("--threads", options.threads, "0: all; the result is the same for any number")
       ->capture_default_str()
       ->check(tool::in_range(tool::thread_range));

@@ -29,6 +29,10 @@ void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& opti
       ->capture_default_str();
   app.flag("--mirrored", options->mirrored,
            "the images may have been mirrored: read them both ways, which counts as two tests");
+  app.flag(
+      "--pruned", options->pruned,
+      "anchors may have been taken from the model: read it as it is and with what is left standing in for a share of "
+      "0.2, 0.35 and 0.5, which counts as four tests");
   add_splat_up(app, options->reading.up, "any of these six");
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.reads("--claim", options->proof.claim, InputKind::claim,
@@ -58,6 +62,14 @@ Result<Verified> verify_by(const VerifyOptions& options, const ComparedObserver&
   ThreadExecutor executor(options.reading.threads);
   tell_threads(executor, options.reading.threads);
   const ReadingSettings reading = reading_settings(options.reading);
+  if (options.pruned && (reading.model.empty() || options.mirrored)) {
+    return Error{
+        ErrorKind::invalid,
+        {},
+        "--pruned",
+        options.mirrored ? "is given with --mirrored, which is for images" : "is for a model, and these are images",
+        "leave it out, or give --model alone"};
+  }
   if (reading.up && (!reading.model.empty() || reading.unmarked.empty())) {
     return Error{ErrorKind::invalid,
                  {},
@@ -78,8 +90,9 @@ Result<Verified> verify_by(const VerifyOptions& options, const ComparedObserver&
     verified.verdict = read->together;
     verified.informed = std::move(*read);
   } else {
-    Result<VerificationReport> read = options.mirrored ? verify_either_way(verified.key, reading, settings, executor)
-                                                       : verify_files(verified.key, reading, settings, executor);
+    Result<VerificationReport> read = options.pruned     ? verify_pruned(verified.key, reading, settings, executor)
+                                      : options.mirrored ? verify_either_way(verified.key, reading, settings, executor)
+                                                         : verify_files(verified.key, reading, settings, executor);
     if (!read) return read.error();
     verified.report = std::move(*read);
     verified.verdict = verified.report.verification;
@@ -135,6 +148,13 @@ std::string verified_text(const Verified& verified) {
     line("mirrored    ",
          std::string(*verified.report.mirrored ? "the images are read better so" : "the images are read as they are") +
              "; both ways were read, which is two tests");
+  }
+  if (verified.report.missing_share) {
+    const double share = *verified.report.missing_share;
+    line("pruned      ", (share == 0 ? "the model is read as it is"
+                                     : "the model is read best as one that lacks " +
+                                           compmark::detail::exact_text(100 * share) + " % of its anchors") +
+                             std::string("; it was read in four ways, which is four tests"));
   }
   if (verified.informed) text += informed_text(*verified.informed);
   text += evidence_text(verified.report.verification);

@@ -26,6 +26,7 @@ struct VerifyOptions {
   compmark::ProofSettings proof;
   bool any_decoder = false;
   bool mirrored = false;
+  bool pruned = false;
   double alpha = 1e-6;
   double recipient_alpha = compmark::VerifySettings{}.recipient_rate;
   std::uint64_t tests = 1;
@@ -42,7 +43,7 @@ struct Verified {
   std::optional<PayloadText> payload;
 };
 
-/// --key, those of a reading, --alpha, --recipient-alpha, --tests, --mirrored, --up, --claim, --time-stamp, --any-decoder
+/// --key, those of a reading, --alpha, --recipient-alpha, --tests, --mirrored, --pruned, --up, --claim, --time-stamp, --any-decoder
 void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& options);
 
 /// Verifies as the options say. `compared` is told of every picture whose camera an informed reading found.

@@ -129,6 +129,7 @@ struct Scene {
             {"bits_right", cell.matches},
             {"p_value", cell.p_value},
             {"worst_view_p_value", cell.worst_p_value}};
+  if (cell.missing_share != 0) json["missing_share"] = cell.missing_share;
   if (cell.psnr) json["psnr_to_unattacked"] = *cell.psnr;
   if (cell.informed > 0)
     json["informed"] = {{"pictures", cell.informed},
@@ -147,6 +148,7 @@ struct Scene {
   cell.matches = json.at("bits_right");
   cell.p_value = json.at("p_value");
   cell.worst_p_value = json.at("worst_view_p_value");
+  if (json.contains("missing_share")) cell.missing_share = json.at("missing_share");
   if (json.contains("psnr_to_unattacked")) cell.psnr = json.at("psnr_to_unattacked").get<double>();
   if (json.contains("informed")) {
     const Json& informed = json.at("informed");
@@ -199,6 +201,7 @@ struct Scene {
   if (!key) return key.error();
   of["key_commitment"] = key->commitment();
   if (settings.recipient != 0) of["recipient"] = settings.recipient;
+  if (settings.pruned) of["pruned"] = true;
   if (!scene.unmarked.empty()) of["informed_views"] = settings.informed_views;
   return of;
 }

@@ -100,7 +100,8 @@ using tool::format_text;
 }
 
 inline constexpr const char* page_note =
-    "Bits: mean and worst view, and all views together with the p-value of one test. PSNR left: of attacked to "
+    "Bits: mean and worst view, and all views together with the p-value, of one test or, with --pruned, corrected for "
+    "four. PSNR left: of attacked to "
     "unattacked renders, what the thief keeps; none where the size of the picture changes. Informed: by the unmarked "
     "model, from pictures of unknown camera, p-value corrected for its two tests. Paper: CompMarkGS over 25 scenes of "
     "three sets (HAC / ContextGS), which a few scenes are no copy of. docs/robustness.md says what each attack is.";

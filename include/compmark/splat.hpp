@@ -21,6 +21,7 @@
 #include "compmark/splat/anchor/growth_statistics.hpp"
 #include "compmark/splat/anchor/initialise.hpp"
 #include "compmark/splat/anchor/level_of_detail.hpp"
+#include "compmark/splat/anchor/missing_share.hpp"
 #include "compmark/splat/anchor/mlp_decoder.hpp"
 #include "compmark/splat/anchor/mlp_decoder_backward.hpp"
 #include "compmark/splat/anchor/mlp_decoder_forward.hpp"

@@ -5,6 +5,7 @@
 // chance each time, and what it costs is known.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <compmark/app/robustness.hpp>
 #include <compmark/app/spread.hpp>
 #include <compmark/io/owner_key.hpp>
@@ -75,6 +76,24 @@ TEST_CASE("app/robustness: a cell says what the thief is left with, and is the s
   const RobustnessCell twice = measured(again, {Kind::model, "prune:0.3"});
   CHECK(twice.matches == pruned.matches);
   CHECK(*twice.psnr == *pruned.psnr);
+}
+
+TEST_CASE("app/robustness: attacked models are also read as lacking anchors where that is asked for") {
+  BenchFiles files;
+  const RobustnessAttack pruned{Kind::model, "prune:0.5"};
+  RobustnessBench plain = files.open();
+  files.settings.pruned = true;
+  RobustnessBench lacking = files.open();
+  const Result<RobustnessCell> one = plain.measure(pruned, files.executor),
+                               four = lacking.measure(pruned, files.executor),
+                               picture = lacking.measure({Kind::picture, "jpeg:50"}, files.executor),
+                               same = plain.measure({Kind::picture, "jpeg:50"}, files.executor);
+  REQUIRE((one.ok() && four.ok() && picture.ok() && same.ok()));
+  CHECK(four->matches >= one->matches);
+  CHECK(*four->psnr == *one->psnr);  // what the thief has
+  if (four->missing_share == 0) CHECK(four->p_value == std::min(1.0, 4 * one->p_value));
+  CHECK(picture->p_value == same->p_value);
+  CHECK(picture->missing_share == 0);
 }
 
 TEST_CASE("app/robustness: who knows the decoder turns the bits round, within epsilon") {

@@ -71,6 +71,58 @@ TEST_CASE("app/verify: the report is the verification of what is read, for the k
   CHECK_FALSE(verify_files(testing::small_key(1, message_bits), reading, impossible, executor).ok());
 }
 
+TEST_CASE("app/verify: a model that may lack anchors is read in four ways, as four tests, and the best is told") {
+  using namespace compmark;
+  constexpr int message_bits = 24;
+  const testing::ScratchFolder folder("compmark-app-pruned");
+  ThreadExecutor executor(2);
+  ReadingSettings reading;
+  reading.model = folder.path / "model.safetensors";
+  reading.decoder = folder.path / "decoder.safetensors";
+  REQUIRE(write_model(reading.model, testing::small_model<recipes::Scaffold>(), testing::small_info("scaffold")).ok());
+  testing::write_decoder(reading.decoder, message_bits);
+  for (int number = 1; number <= 6; ++number) {
+    const OwnerKey key = testing::small_key(number, message_bits);
+    const Result<VerificationReport> best = verify_pruned(key, reading, VerifySettings{}, executor);
+    REQUIRE(best.ok());
+    REQUIRE(best->missing_share.has_value());
+    CHECK(best->verification.settings.tries == 4);
+    CHECK(best->verification.p_corrected == std::min(1.0, 4 * best->verification.evidence.p_value));
+    const Result<VerificationReport> as_is = verify_files(key, reading, VerifySettings{}, executor);
+    REQUIRE(as_is.ok());
+    std::size_t most = 0;
+    for (const double share : pruned_shares) {
+      ReadingSettings lacking = reading;
+      lacking.missing_share = share;
+      const Result<VerificationReport> one = verify_files(key, lacking, VerifySettings{}, executor);
+      REQUIRE(one.ok());
+      CHECK_FALSE(one->missing_share.has_value());
+      most = std::max(most, one->verification.evidence.matches);
+      // The control: what stands in for others is read otherwise.
+      CHECK((one->verification.fused == as_is->verification.fused) == (share == 0));
+      if (share == *best->missing_share) CHECK(one->verification.fused == best->verification.fused);
+    }
+    CHECK(best->verification.evidence.matches == most);
+  }
+
+  VerifySettings many;
+  many.tries = largest_tries / 2;
+  CHECK(verify_pruned(testing::small_key(1, message_bits), reading, many, executor).error().problem ==
+        "is above 1152921504606846976, and each is 4 tests here");
+  ReadingSettings pictures = reading;
+  pictures.model.clear();
+  pictures.images = {folder.path / "none.png"};
+  CHECK(verify_pruned(testing::small_key(1, message_bits), pictures, VerifySettings{}, executor).error().field ==
+        "--pruned");
+  pictures.missing_share = 0.2;
+  CHECK(verify_files(testing::small_key(1, message_bits), pictures, VerifySettings{}, executor).error().field ==
+        "--pruned");
+  reading.missing_share = 1;
+  const Error none = verify_files(testing::small_key(1, message_bits), reading, VerifySettings{}, executor).error();
+  CHECK(none.field == "missing_share");
+  CHECK(none.file == reading.model.string());
+}
+
 TEST_CASE("app/verify: either way gives the reading with more matches, as two tests, and says which it is") {
   using namespace compmark;
   constexpr int message_bits = 32, side = 48;

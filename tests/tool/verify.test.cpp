@@ -252,6 +252,16 @@ TEST_CASE("tool: a model's renders are read from its own cameras") {
   REQUIRE(tool("verify" + s.with(at("renders")) + " --json " + at("renders.json")).code == outcome.code);
   CHECK(json_of(at("renders.json"))["views"][0]["logits"] == json["views"][0]["logits"]);
   check_refused(tool(arguments + " --mirrored"), {"model.safetensors", "--mirrored"});
+  // A model from which anchors may have been taken: four tests.
+  const Outcome pruned = tool(arguments + " --pruned --json " + at("pruned.json"));
+  check_no_mark(pruned);
+  CHECK(pruned.text.find("it was read in four ways, which is four tests") != std::string::npos);
+  const nlohmann::json ways = json_of(at("pruned.json"));
+  CHECK(ways["test"]["tests_counted"] == 4);
+  CHECK(ways["matches"] >= json["matches"]);
+  CHECK(ways["missing_share"].get<double>() <= 0.5);
+  CHECK(json.count("missing_share") == 0);
+  check_refused(tool("verify" + s.with(at("renders")) + " --pruned"), {"--pruned", "images"});
   REQUIRE(tool(arguments + " --split train --views 4 --json " + at("train.json")).code != 2);
   CHECK(json_of(at("train.json"))["views"].size() == 4);
   // What the scene says by itself, measured from the unmarked model once, is subtracted.

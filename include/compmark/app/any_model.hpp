@@ -70,6 +70,11 @@ class AnyModel {
     return held_->shares(view.camera, view.lens, executor);
   }
 
+  /// Renders from now on as if this share of the anchors were gone and what is left stood in for them
+  /// (splat/anchor/missing_share.hpp); 0 is the model as it is. Its numbers, feature_gradient and shares are those of the
+  /// model as it is. Error: a share that is not in [0, 1).
+  [[nodiscard]] Result<Done> make_up_for(double missing_share);
+
   /// Recipe, profile, cameras, unit and origin of the lengths.
   [[nodiscard]] const ModelInfo& info() const { return held_->info; }
   [[nodiscard]] RenderSettings render_settings() const { return held_->render_settings(); }

@@ -66,6 +66,7 @@ struct ReadingSettings : PictureSettings {
   std::vector<GivenPicture> pictures;         ///< in memory, read after the files, all of them
   ViewChoice split = ViewChoice::test;        ///< a model without test views gives those of its training
   std::size_t views = 0;                      ///< at most so many, evenly spaced; 0: all
+  double missing_share = 0;                   ///< of a model's anchors, to make up for (AnyModel::make_up_for)
 };
 
 struct Reading {

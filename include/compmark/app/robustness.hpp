@@ -38,6 +38,7 @@ struct RobustnessSettings {
   std::size_t views = 8;  ///< read blind, evenly spaced among the cameras of the test; 0: all
   std::size_t informed_views = 1;  ///< of those, pictures that are read informed, with unknown camera
   std::uint64_t seed = 0;          ///< of the attacks; pictures have seed + number of the view
+  bool pruned = false;  ///< attacked models are also read as lacking anchors (verify_pruned), which is four tests
 };
 
 /// What is done. The texts are those of cells in files: "jpeg:50", "lightgaussian:0.66", "pgd:0.1".
@@ -56,13 +57,14 @@ struct RobustnessAttack {
   std::vector<std::filesystem::path> files = {};
 };
 
-/// What was read after one attack.
+/// What was read after one attack. p-values are corrected for the readings of a model (RobustnessSettings::pruned).
 struct RobustnessCell {
   std::size_t views = 0, bits = 0;
   double mean = 0, worst = 0;  ///< share of the bits, in a view
   std::size_t matches = 0;     ///< of all views together
   double p_value = 1;          ///< of all views together
   double worst_p_value = 1;    ///< of the worst view
+  double missing_share = 0;    ///< of the anchors, that the model was read as lacking
   std::optional<double> psnr;  ///< dB, mean over the views, to the renders before; none where the size is another
   std::size_t informed = 0;    ///< pictures that were read informed; the rest is of them
   std::size_t found = 0;       ///< whose camera was found
@@ -82,7 +84,10 @@ class RobustnessBench {
  private:
   using Pictures = std::vector<AttackedPicture>;
   [[nodiscard]] Result<Pictures> renders(AnyModel& model, ThreadExecutor& executor) const;
-  [[nodiscard]] Result<Pictures> attacked(const RobustnessAttack& attack, ThreadExecutor& executor);
+  [[nodiscard]] Result<Pictures> attacked(const RobustnessAttack& attack, double missing_share,
+                                          ThreadExecutor& executor);
+  [[nodiscard]] Result<RobustnessCell> read_blind(const RobustnessAttack& attack, Pictures& pictures,
+                                                  std::uint64_t tests, ThreadExecutor& executor);
   [[nodiscard]] Result<Pictures> pgd(const std::string& text, ThreadExecutor& executor);
   [[nodiscard]] Result<Done> read_informed(const Pictures& pictures, ThreadExecutor& executor, RobustnessCell& cell);
 

@@ -4,7 +4,7 @@
 // Ownership of files: is the message of this key in a model, or in images, and how likely would that be by chance.
 #pragma once
 
-#include <optional>
+#include <array>
 
 #include "compmark/app/compiled.hpp"
 #include "compmark/app/observer.hpp"
@@ -29,6 +29,18 @@ namespace compmark {
 [[nodiscard]] Result<VerificationReport> verify_either_way(const OwnerKey& key, ReadingSettings reading,
                                                            VerifySettings settings, ThreadExecutor& executor,
                                                            const WorkObserver& observer = {});
+
+/// The shares of a model's anchors that verify_pruned reads it as lacking. 20 % lost are read best as .2 or .35, 50 % as
+/// .35 or .5 (docs/notebook/watermark_experiments.md).
+inline constexpr std::array<double, 4> pruned_shares{0, 0.2, 0.35, 0.5};
+
+/// The same for a model from which anchors may have been taken: it is read as it is and as lacking each of
+/// pruned_shares (AnyModel::make_up_for), and the report is that of the reading with the most matches, of several the one
+/// with the most in single views. That is four tests: settings.tries counts four times, in the report too. Error: images
+/// are given. Cost: four times that of reading.
+[[nodiscard]] Result<VerificationReport> verify_pruned(const OwnerKey& key, ReadingSettings reading,
+                                                       VerifySettings settings, ThreadExecutor& executor,
+                                                       const WorkObserver& observer = {});
 
 }  // namespace compmark
 

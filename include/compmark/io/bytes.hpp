@@ -7,6 +7,7 @@
 // allocation is larger than the bytes that announce it.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <concepts>
 #include <cstddef>
@@ -34,7 +35,10 @@ class ByteWriter {
   ByteWriter& put(float value) { return put(std::bit_cast<std::uint32_t>(value)); }
   ByteWriter& put(double value) { return put(std::bit_cast<std::uint64_t>(value)); }
   ByteWriter& put(std::span<const std::byte> bytes) {
-    bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
+    // Not insert(end(), ...): g++ 12 takes its move of what lies behind for one past the end of an empty vector.
+    const std::size_t before = bytes_.size();
+    bytes_.resize(before + bytes.size());
+    std::copy(bytes.begin(), bytes.end(), bytes_.begin() + static_cast<std::ptrdiff_t>(before));
     return *this;
   }
   /// The characters alone; their number is the caller's to write.

@@ -33,6 +33,15 @@ COMPMARK_APP_INLINE Result<AnyModel> AnyModel::load(const ModelSource& source) {
   return error;
 }
 
+COMPMARK_APP_INLINE Result<Done> AnyModel::make_up_for(double missing_share) {
+  if (!(missing_share >= 0 && missing_share < 1)) {
+    return Error{ErrorKind::invalid, file_.string(), "missing_share", "is not a number from 0 to below 1",
+                 "give 0.2, or leave it out"};
+  }
+  held_->missing_share = missing_share;
+  return Done{};
+}
+
 COMPMARK_APP_INLINE Result<AnyModel> AnyModel::open(const std::filesystem::path& path, ThreadExecutor& executor) {
   const Result<ModelSource> source = ModelSource::open(path, executor);
   if (!source) return source.error();

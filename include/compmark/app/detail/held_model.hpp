@@ -57,6 +57,7 @@ class HeldModel {
   [[nodiscard]] virtual Result<CodecModel> coded(const CodedModelSettings& settings) const = 0;
 
   ModelInfo info;
+  double missing_share = 0;  ///< of the anchors, that renders make up for (AnyModel::make_up_for)
 };
 
 }  // namespace detail

@@ -18,6 +18,7 @@
 #include "compmark/app/recipe_names.hpp"
 #include "compmark/codec/model/coded_model.hpp"
 #include "compmark/core/absent.hpp"
+#include "compmark/splat/anchor/missing_share.hpp"
 #include "compmark/splat/training/model_file.hpp"
 #include "compmark/splat/training/pipeline.hpp"
 
@@ -30,8 +31,13 @@ class RecipeModel final : public HeldModel {
   Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) override {
     const Result<ViewCamera<R>> at = view_camera(camera, lens);
     if (!at) return at.error();
-    const Result<ForwardReport> report = forward(*at, executor);
+    Result<ForwardReport> report = forward(*at, executor);
     if (!report) return report.error();
+    if (missing_share > 0) {
+      make_up_for_missing(context_.gaussians.columns(), missing_share);
+      report->raster = pipeline_.draw_again(model_, *at, unseen_view, context_, executor);
+      if (report->raster.error) return std::move(*report->raster.error);
+    }
     return RenderedView{context_.image, report->gaussians, std::as_const(context_.gaussians).columns(),
                         R::Rasterizer::EffectPolicy::Filter::active};
   }

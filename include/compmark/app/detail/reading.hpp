@@ -119,6 +119,7 @@ inline Result<Done> read_renders(const ReadingSettings& settings, const FileDeco
     if (!loaded) return loaded.error();
     unmarked = std::move(*loaded);
   }
+  if (Result<Done> made_up = model->make_up_for(settings.missing_share); !made_up) return made_up;
   FileDecoder::Context context;
   for (const StoredView& view : views) {
     Result<ViewLogits> read = read_render(*model, view, decoder, context, executor, interference);
@@ -248,6 +249,9 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
   if (!settings.model.empty() && (!settings.images.empty() || !settings.pictures.empty())) {
     return Error{ErrorKind::invalid, settings.model.string(), "--model, --images", "are both given",
                  "read a model, or images"};
+  }
+  if (settings.model.empty() && settings.missing_share != 0) {
+    return Error{ErrorKind::invalid, {}, "--pruned", "is for a model, and these are images", "leave it out"};
   }
   if (settings.model.empty() && settings.images.empty() && settings.pictures.empty()) {
     return Error{ErrorKind::invalid, {}, "--model, --images", "are both missing", "give a model or images"};

@@ -149,11 +149,16 @@ class Pipeline {
                                                                 [](Scalar opacity) { return opacity > Scalar(0); }));
     }
     Volume::look(context.volume, columns.position, [&] { return decoder_.statistics(context.decoder); });
-    report.raster = rasterizer(model.render, camera)
-                        .forward(std::as_const(context.gaussians).columns(), scalar_camera,
-                                 background(model.render, phases), context.image, context.raster, executor);
-    Stages::forward([&]<class S>() { stage<S>().image(pass, own<S>(pass)); });
+    report.raster = draw(pass, camera);
     return report;
+  }
+
+  /// Draws context.gaussians, which the caller changed, once more, and does to the image what forward() does. Call after
+  /// a forward() of the same model, camera and view. Nothing can be differentiated after it.
+  template <Executor E>
+  RasterReport draw_again(const Model<R>& model, const ViewCamera<R>& camera, std::size_t view, Context& context,
+                          E& executor) const {
+    return draw(view_pass(model, view, context.phases, context, executor), camera);
   }
 
   /// What the stages make of the attributes of the anchors in context.visible, which the caller filled: the part of
@@ -311,6 +316,17 @@ class Pipeline {
     context.phases = phases;
     return ViewPass<const Model<R>, typename R::GaussianDecoder, Context, E>{
         model, view, decoder_, context, executor, reads_all(context.phases)};
+  }
+  /// The part of forward() after the stages had the Gaussians.
+  template <class Pass>
+  RasterReport draw(const Pass& pass, const ViewCamera<R>& camera) const {
+    Context& context = pass.context;
+    const RasterReport report =
+        rasterizer(pass.model.render, camera)
+            .forward(std::as_const(context.gaussians).columns(), camera.template cast<Scalar>(),
+                     background(pass.model.render, context.phases), context.image, context.raster, pass.executor);
+    Stages::forward([&]<class S>() { stage<S>().image(pass, own<S>(pass)); });
+    return report;
   }
   [[nodiscard]] static bool reads_all([[maybe_unused]] const Phases& phases) {
     bool all = false;

@@ -90,7 +90,8 @@ struct VerificationReport {
   ReportSources sources;
   std::vector<ViewLogits> views;
   Verification verification;
-  std::optional<bool> mirrored{};  ///< whether the images read better mirrored; empty: that was not tried
+  std::optional<bool> mirrored{};         ///< whether the images read better mirrored; empty: that was not tried
+  std::optional<double> missing_share{};  ///< of the anchors, that the model reads best as lacking; empty: not tried
 };
 
 [[nodiscard]] constexpr std::string_view verdict_name(Verdict verdict) {
@@ -154,6 +155,7 @@ template <class Json>
   }
   json["test"] = std::move(test);
   if (report.mirrored) json["mirrored"] = *report.mirrored;
+  if (report.missing_share) json["missing_share"] = *report.missing_share;
   json["read"] = {{"hex", v.read.hex()}, {"fused_logits", v.fused}};
   add_sources(json, report.sources);
   json["views"] = Json::array();
