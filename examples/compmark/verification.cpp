@@ -14,6 +14,22 @@ namespace tool {
 
 using namespace compmark;
 
+namespace {
+
+/// What else could be read where nothing was detected; empty: nothing that was not tried. More tests weigh more, so
+/// nothing is tried by itself.
+std::string other_readings(const Verified& verified) {
+  if (verified.verdict.verdict == Verdict::detected) return {};
+  const VerificationReport& report = verified.report;
+  if (!report.sources.model.empty())
+    return report.missing_share ? "" : "--pruned, if anchors may have been taken from the model; that is four tests";
+  if (verified.informed) return {};
+  const std::string unmarked = "--unmarked MODEL, if you have the unmarked model: it finds the camera of each picture";
+  return report.mirrored ? unmarked : "--mirrored, if the pictures may be mirrored, which is two tests; " + unmarked;
+}
+
+}  // namespace
+
 void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& options) {
   app.reads("--key", options->key, InputKind::key, "the owner's key file (compmark keygen)")->required();
   add_reading_options(app, options->reading);
@@ -159,6 +175,7 @@ std::string verified_text(const Verified& verified) {
   if (verified.informed) text += informed_text(*verified.informed);
   text += evidence_text(verified.report.verification);
   if (verified.informed) text += together_text(*verified.informed);
+  if (const std::string more = other_readings(verified); !more.empty()) line("try         ", more);
   return text + verdict_text(verified.verdict, verified.standing);
 }
 

@@ -258,6 +258,8 @@ TEST_CASE("tool: a model's renders are read from its own cameras") {
   CHECK(pruned.text.find("it was read in four ways, which is four tests") != std::string::npos);
   const nlohmann::json ways = json_of(at("pruned.json"));
   CHECK(ways["test"]["tests_counted"] == 4);
+  CHECK(outcome.text.find("try         --pruned") != std::string::npos);
+  CHECK(pruned.text.find("try         ") == std::string::npos);
   CHECK(ways["matches"] >= json["matches"]);
   CHECK(ways["missing_share"].get<double>() <= 0.5);
   CHECK(json.count("missing_share") == 0);
