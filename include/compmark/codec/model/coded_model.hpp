@@ -5,7 +5,8 @@
 // entropy model into a CodecModel, model_from() turns a decoded one back. Anchors must lie on the voxel grid, as those
 // of every recipe without a contracted space do. Scales are stored, the table holds their logarithms: both ways go
 // through double, once, so that the same file gives the same bits. A decoded model renders; the context that predicted
-// it stays with the file. Cost: one copy of the model.
+// it stays with the file. Cost: one copy of the model. Longer than 300 lines: both ways side by side, so that what the
+// one stores the other reads, and what is wrong is told field by field.
 #pragma once
 
 #include <algorithm>
