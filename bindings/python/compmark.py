@@ -55,13 +55,18 @@ class _Verdict(ctypes.Structure):
                 ("p_value", c_double), ("p_corrected", c_double)]
 
 
+# Where the library was installed, in the prefix or anywhere; it is written here when this file is installed.
+_LIBDIR = "@CMAKE_INSTALL_LIBDIR@"
+
+
 def _place():
-    """COMPMARK_LIBRARY, or the library of the prefix that this file is installed in, or what the system finds."""
+    """COMPMARK_LIBRARY, or the library that this file was installed with, or what the system finds."""
     if "COMPMARK_LIBRARY" in os.environ:
         return os.environ["COMPMARK_LIBRARY"]
     lib = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-    # Debian has lib/<architecture>, Fedora lib64.
-    for folder in [lib, os.path.join(lib, "*"), os.path.join(os.path.dirname(lib), "lib64")]:
+    prefix = os.path.dirname(lib)
+    # Debian has lib/<architecture>, Fedora lib64. An absolute folder is not joined to the prefix.
+    for folder in [os.path.join(prefix, _LIBDIR), lib, os.path.join(lib, "*"), os.path.join(prefix, "lib64")]:
         beside = glob.glob(os.path.join(folder, "libcompmark.so.1"))
         if beside:
             return beside[0]

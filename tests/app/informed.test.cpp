@@ -12,6 +12,7 @@
 #include <compmark/scene/register/camera_step.hpp>
 #include <compmark/splat/training/model_file.hpp>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -227,6 +228,21 @@ TEST_CASE("app/informed: two tests are one verdict, at twice the price") {
   message.p_corrected = 1e-9;
   message.verdict = Verdict::detected;
   CHECK(both_verdicts(message, {0, 1, 100, 10}).verdict == Verdict::detected);
+}
+
+TEST_CASE("app/informed: a count of tries that cannot be doubled is refused, before anything is read") {
+  ThreadExecutor executor(1);
+  VerifySettings many;
+  const auto field = [&] {
+    return verify_informed(testing::small_key(1, 32), ReadingSettings{}, many, executor).error().field;
+  };
+  for (const std::uint64_t tries : {largest_tries / 2 + 1, largest_tries, ~std::uint64_t{0}}) {
+    CAPTURE(tries);
+    many.tries = tries;
+    CHECK(field() == "tries");
+  }
+  many.tries = largest_tries / 2;
+  CHECK(field() == "--images");  // the next that is missing
 }
 
 TEST_CASE("app/informed: a message too short to decide is no reason where the spread mark could") {

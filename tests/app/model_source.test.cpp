@@ -7,12 +7,16 @@
 #include <compmark/codec/container/cmk.hpp>
 #include <compmark/codec/model/coded_model.hpp>
 #include <compmark/io/atomic_file.hpp>
+#include <compmark/io/read_file.hpp>
+#include <compmark/io/sha256.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <string>
 #include <vector>
 
+#include "io/splat_writers.hpp"
 #include "small_models.hpp"
+#include "support/damage.hpp"
 #include "support/tool.hpp"
 
 namespace {
@@ -56,6 +60,32 @@ TEST_CASE("app/model_source: both kinds of file are opened, and loaded as what t
   const auto plain = compressed->load<recipes::Scaffold>();
   REQUIRE_FALSE(plain.ok());
   CHECK(plain.error().file == file.string());
+}
+
+TEST_CASE("app/model_source: the digest is that of the bytes that were read, of every kind of file") {
+  const testing::ScratchFolder folder("compmark-app-source-digest");
+  ThreadExecutor executor(1);
+  const fs::path path = folder.path / "model.safetensors", file = folder.path / "model.cmk",
+                 splats = folder.path / "scene.ply";
+  const auto made = testing::small_model<recipes::HacFitted>();
+  const ModelInfo info = testing::small_info("hac+fitted");
+  REQUIRE(write_model(path, made, info).ok());
+  REQUIRE(write_cmk(file, *coded_model(made, info), CodecEncodeSettings{}, executor).ok());
+  testing::put_raw(splats, testing::splats::permuted_ply_bytes(testing::splats::random_splats(40, 1), 1));
+  std::string last;
+  for (const fs::path& of : {path, file, splats}) {
+    CAPTURE(of);
+    std::string digest;
+    REQUIRE(ModelSource::open(of, executor, &digest).ok());
+    const Result<std::vector<std::byte>> bytes = read_file(of);
+    REQUIRE(bytes.ok());
+    CHECK(digest == Sha256{}.update(*bytes).hex());
+    CHECK(digest != last);
+    last = digest;
+  }
+  std::string untouched = "none";
+  CHECK_FALSE(ModelSource::open(folder.path / "missing.cmk", executor, &untouched).ok());
+  CHECK(untouched == "none");
 }
 
 TEST_CASE("app/model_source: a damaged .cmk is refused, not taken for another kind of file") {

@@ -12,6 +12,7 @@
 #include <compmark/splat/training/model_file.hpp>
 #include <cstddef>
 #include <filesystem>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -61,6 +62,43 @@ struct RegisterFiles {
     }
     return most;
   }
+};
+
+/// A model whose renders fail from call `first` on, `count` of them; the calls are counted from 0.
+class FailingModel final : public detail::HeldModel {
+ public:
+  FailingModel(AnyModel inner, std::size_t& calls, std::size_t first, std::size_t count)
+      : inner_(std::move(inner)),
+        calls_(&calls),
+        first_(first),
+        count_(count) {
+    info = inner_.info();
+  }
+  Result<RenderedView> render(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) override {
+    const std::size_t call = (*calls_)++;
+    if (call >= first_ && call - first_ < count_)
+      return Error{ErrorKind::exhausted, "", "raster.pair_budget", "one view needs too many", "render less"};
+    return inner_.render(camera, lens, executor);
+  }
+  Result<MatrixView<const float>> feature_gradient(const Camera<double>& camera, const Lens& lens,
+                                                   ImageView<const float> d_image, ThreadExecutor& executor) override {
+    return inner_.feature_gradient(camera, lens, d_image, executor);
+  }
+  Result<GaussianShares> shares(const Camera<double>& camera, const Lens& lens, ThreadExecutor& executor) override {
+    return detail::HeldAccess::held(inner_).shares(camera, lens, executor);
+  }
+  ParameterArena<float>& arena() override { return inner_.arena(); }
+  [[nodiscard]] std::size_t anchor_count() const override { return inner_.anchor_count(); }
+  [[nodiscard]] RenderSettings render_settings() const override { return inner_.render_settings(); }
+  [[nodiscard]] Result<Done> write(const std::filesystem::path& path) const override { return inner_.write(path); }
+  [[nodiscard]] Result<CodecModel> coded(const CodedModelSettings& settings) const override {
+    return inner_.coded(settings);
+  }
+
+ private:
+  AnyModel inner_;
+  std::size_t* calls_;
+  std::size_t first_, count_;
 };
 
 }  // namespace
@@ -125,6 +163,55 @@ TEST_CASE("the uncertainty of a camera is what noise scatters it by") {
   // The largest of nine points' distances against the mean over the Gaussians in view: 0.028 and 0.035 were measured.
   CHECK(std::sqrt(square) < 2.5 * said);
   CHECK(std::sqrt(square) > said / 2.5);
+}
+
+TEST_CASE(
+    "where the last steps of a fit are not drawn the camera is looked at again, and what is never drawn is an error") {
+  RegisterFiles files;
+  Result<AnyModel> model = AnyModel::open(files.file, files.executor);
+  REQUIRE(model.ok());
+  const Result<std::vector<SearchPlace>> places = register_places(*model, files.settings, files.executor);
+  REQUIRE(places.ok());
+  const std::vector<float> values = files.picture(*model);
+  const ImageView<const float> view{values.data(), 3, 80, 100};
+  struct Run {
+    Result<Registration> found;
+    std::size_t calls;
+  };
+  const auto with_failing = [&](std::size_t first, std::size_t count) {
+    Result<AnyModel> inner = AnyModel::open(files.file, files.executor);
+    REQUIRE(inner.ok());
+    std::size_t calls = 0;
+    AnyModel failing =
+        detail::HeldAccess::made(std::make_unique<FailingModel>(std::move(*inner), calls, first, count), files.file, 0);
+    Result<Registration> found = register_picture(failing, *places, view, files.settings, files.executor);
+    return Run{std::move(found), calls};
+  };
+  constexpr std::size_t all = std::size_t{1} << 40;
+  const Run whole = with_failing(all, 0);
+  REQUIRE(whole.found.ok());
+  REQUIRE(whole.found->found);
+  REQUIRE(whole.calls > 10);
+  for (const std::size_t first : {std::size_t{0}, whole.calls / 2}) {
+    CAPTURE(first);
+    const Run never = with_failing(first, all);
+    REQUIRE_FALSE(never.found.ok());
+    CHECK(never.found.error().field == "raster.pair_budget");
+  }
+  // From the last step on: the fit gives up on it, and the camera that it keeps is looked at once more, for what it sees.
+  const std::size_t last = whole.calls - 1;
+  const Run never = with_failing(last, all);
+  REQUIRE_FALSE(never.found.ok());
+  CHECK(never.found.error().field == "raster.pair_budget");
+  const std::size_t failed = never.calls - last;
+  MESSAGE(whole.calls, " renders, ", failed, " failed at the end");
+  REQUIRE(failed >= 2);
+  const Run again = with_failing(last, failed - 1);
+  REQUIRE(again.found.ok());
+  CHECK(again.calls == never.calls);
+  CHECK(again.found->found);
+  CHECK(RegisterFiles::apart(again.found->camera, files.truth) < 0.05);
+  CHECK(again.found->uncertainty_pixels < 0.05);  // without another look it would be infinite
 }
 
 TEST_CASE("a picture of something else is not found, and one that is too small is refused") {

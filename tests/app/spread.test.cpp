@@ -5,12 +5,17 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <compmark/app/compress.hpp>
 #include <compmark/app/spread.hpp>
 #include <compmark/core/random.hpp>
+#include <compmark/recipes/hac.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <compmark/splat/training/model_file.hpp>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <limits>
+#include <utility>
 #include <vector>
 
 #include "small_decoder.hpp"
@@ -101,6 +106,59 @@ TEST_CASE(
   }
   ThreadExecutor alone(1);
   CHECK(sums_of(*marked, 0.02, alone) == sums);
+}
+
+TEST_CASE("app/spread: a compressed file that says the side has the cubes of the model that was marked, to the bit") {
+  SpreadFiles files;
+  Model<recipes::HacScaffold> made = testing::small_model<recipes::HacScaffold>(5, 500);
+  made.render.background = {0, 0, 0};
+  ModelInfo info = testing::larger_info("hac", 4);
+  for (double& x : info.views[2].camera.center_world) x *= 1.1;  // the file keeps this camera alone
+  REQUIRE(write_model(files.unmarked, made, info).ok());
+  Result<AnyModel> model = AnyModel::open(files.unmarked, files.executor);
+  REQUIRE(model.ok());
+  const Result<SpreadReader> of_model = SpreadReader::make(*model, files.executor);
+  REQUIRE(of_model.ok());
+  Result<CodecModel> coded = model->coded();
+  REQUIRE(coded.ok());
+  const std::filesystem::path cmk = files.folder.path / "unmarked.cmk", back = files.folder.path / "back.safetensors";
+  const auto reader_of = [&](const std::filesystem::path& file) {
+    Result<AnyModel> opened = AnyModel::open(file, files.executor);
+    REQUIRE(opened.ok());
+    const Result<SpreadReader> reader = SpreadReader::make(*opened, files.executor);
+    REQUIRE(reader.ok());
+    return std::pair(reader->cell_side(), reader->cells().place);
+  };
+  const auto sorted = [](std::vector<std::array<std::int64_t, 3>> places) {
+    std::sort(places.begin(), places.end());
+    return places;
+  };
+  // As files of before: from what it keeps, which gives other cubes.
+  REQUIRE(write_coded(cmk, *coded, files.executor).ok());
+  const auto before = reader_of(cmk);
+  CHECK(std::abs(before.first / of_model->cell_side() - 1) > 0.02);
+  CHECK(sorted(before.second) != sorted(of_model->cells().place));
+
+  REQUIRE(store_spread_side(*model, *coded).ok());
+  REQUIRE(write_coded(cmk, *coded, files.executor).ok());
+  const auto after = reader_of(cmk);
+  CHECK(after.first == of_model->cell_side());
+  CHECK(sorted(after.second) == sorted(of_model->cells().place));
+  // What is made of that file keeps it.
+  REQUIRE(decompress_file(cmk, back, CodecDecodeSettings{}, files.executor).ok());
+  CHECK(reader_of(back).first == of_model->cell_side());
+
+  for (const CodecValue& wrong :
+       {CodecValue(0.0), CodecValue(-1.0), CodecValue(std::nan("")), CodecValue(std::int64_t{1})}) {
+    coded->metadata["spread_side"] = wrong;
+    REQUIRE(write_coded(cmk, *coded, files.executor).ok());
+    const Result<AnyModel> refused = AnyModel::open(cmk, files.executor);
+    REQUIRE_FALSE(refused.ok());
+    CHECK(refused.error().field == "META.spread_side");
+  }
+  info.spread_side = std::numeric_limits<double>::infinity();  // JSON has none
+  REQUIRE(write_model(back, made, info).ok());
+  CHECK(AnyModel::open(back, files.executor).error().field.find("__metadata__.info") == 0);
 }
 
 TEST_CASE("app/spread: what cannot be marked is said, and nothing is written") {

@@ -2,8 +2,9 @@
 # SPDX-FileCopyrightText: 2026 The CompMark authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# Builds and runs tests/consumer/consumer.cpp three ways against a fresh install prefix, and the projects of examples/embedding.
-#   run.sh <build folder of the project> [find_package|add_subdirectory|pkg_config|embedding]
+# Builds and runs tests/consumer/consumer.cpp three ways against a fresh install prefix, and the projects of examples/embedding. "folders" installs the project
+# anew into folders that lie outside of its prefix.
+#   run.sh <build folder of the project> [find_package|add_subdirectory|pkg_config|folders|embedding]
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 build=$(cd "$1" && pwd)
@@ -41,6 +42,44 @@ if [ "$way" = pkg_config ] || [ "$way" = all ]; then
   # shellcheck disable=SC2046 # words on purpose
   "$compiler" "$here/consumer.cpp" -o "$scratch/consumer" $(pkg-config --cflags --libs compmark)
   "$scratch/consumer"
+fi
+if [ "$way" = folders ] || [ "$way" = all ]; then
+  # Each folder that GNUInstallDirs names may be given as an absolute one. Nothing is built: what would be is optional.
+  away="$scratch/away"
+  cmake -S "$here/../.." -B "$scratch/folders" -G Ninja -DCMAKE_CXX_COMPILER="$compiler" -DCOMPMARK_BUILD_TESTS=OFF -DCOMPMARK_BUILD_BENCHMARKS=OFF \
+    -DCMAKE_INSTALL_PREFIX="$scratch/own" -DCMAKE_INSTALL_LIBDIR="$away/libraries" -DCMAKE_INSTALL_INCLUDEDIR="$away/headers" \
+    -DCMAKE_INSTALL_DATADIR="$away/data" >"$scratch/log" 2>&1 || { cat "$scratch/log"; exit 1; }
+  cmake --install "$scratch/folders" >"$scratch/log" 2>&1 || { cat "$scratch/log"; exit 1; }
+  mkdir "$scratch/asks"
+  cat >"$scratch/asks/CMakeLists.txt" <<'ASKS'
+cmake_minimum_required(VERSION 3.25)
+project(asks CXX)
+find_package(compmark REQUIRED)
+file(WRITE "${CMAKE_BINARY_DIR}/asks.cpp" "#include <compmark/version.hpp>\nint main() { return *compmark::version == 0; }\n")
+add_executable(asks "${CMAKE_BINARY_DIR}/asks.cpp")
+target_link_libraries(asks PRIVATE compmark::compmark)
+get_target_property(sources compmark_app SOURCES)
+foreach(source IN LISTS sources)
+  if(NOT EXISTS "${source}")
+    message(FATAL_ERROR "compmark::app lacks ${source}")
+  endif()
+endforeach()
+ASKS
+  cmake -S "$scratch/asks" -B "$scratch/asks/build" -G Ninja -DCMAKE_CXX_COMPILER="$compiler" -Dcompmark_DIR="$away/data/cmake/compmark" >"$scratch/log" 2>&1 ||
+    { cat "$scratch/log"; exit 1; }
+  cmake --build "$scratch/asks/build" >"$scratch/log" 2>&1 || { cat "$scratch/log"; exit 1; }
+  "$scratch/asks/build/asks"
+  # shellcheck disable=SC2046 # words on purpose
+  PKG_CONFIG_PATH="$away/data/pkgconfig${PKG_CONFIG_PATH:+:$PKG_CONFIG_PATH}" "$compiler" -fsyntax-only "$scratch/asks/build/asks.cpp" \
+    $(PKG_CONFIG_PATH="$away/data/pkgconfig${PKG_CONFIG_PATH:+:$PKG_CONFIG_PATH}" pkg-config --cflags compmark)
+  # The Python module takes the library from its folder, wherever that is. An empty one stands for it, which it names as it fails to load it.
+  mkdir -p "$away/libraries"
+  : >"$away/libraries/libcompmark.so.1"
+  for python in python3 /usr/bin/python3; do # one of one's own may be before the system's, which has numpy
+    "$python" -c 'import numpy' 2>/dev/null || continue
+    words=$(env -u COMPMARK_LIBRARY PYTHONPATH="$scratch/own/lib/python3/dist-packages" PYTHONDONTWRITEBYTECODE=1 "$python" -c 'import compmark' 2>&1 || true)
+    echo "$words" | grep -qF "$away/libraries/libcompmark.so.1" || { echo "the Python module looks for the library elsewhere: $words"; exit 1; }
+  done
 fi
 if [ "$way" = embedding ] || [ "$way" = all ]; then
   project="$here/../../examples/embedding"

@@ -5,7 +5,8 @@
 # The layer law, by the include graph: core <- math <- {scene, io, metric} <- splat <- {watermark | codec} <- recipes <- app. The two wings,
 # watermark and codec, never include one another; testing may include all but app. A concept.hpp includes only core, so that any module may include
 # it; no header reaches itself. And what may be missing stays missing: a header that needs a library of its own (an optional component) is included
-# by no other header, and by tests and examples named after the component alone, which are left out where it is not installed.   layers.sh <project root>
+# by no other header, and by tests and examples named after the component alone, which are left out where it is not installed. What compmark::app
+# and compmark::app_run compile once is reached from exactly one of their files: two would define it twice, and a linker alone says so.   layers.sh <project root>
 set -eu
 cd "${1:-.}/include"
 
@@ -61,6 +62,42 @@ if grep -q loop "$loops"; then
   exit 1
 fi
 echo "layer law holds: $(edges | wc -l) includes"
+
+# Includes as the files of compmark::app and compmark::app_run see them, then lines "defines HEADER".
+compiled() {
+  find compmark -name '*.hpp' -o -path 'compmark/app/*.cpp' | LC_ALL=C sort | xargs awk '
+    /^#if !defined\(COMPMARK_APP_COMPILED\)/ { left_out = 1 }
+    /^#endif/ { left_out = 0 }
+    !left_out && /^#include "compmark\// { split($0, part, "\""); print FILENAME, part[2] }'
+  grep -lE '^COMPMARK_APP_INLINE ' -r compmark/app --include='*.hpp' | sed 's/^/defines /'
+}
+once() {
+  awk '
+  $1 == "defines" { defines[$2]; next }
+  { to[$1] = to[$1] " " $2; if ($1 ~ /\.cpp$/) files[$1] }
+  function visit(header, file,    part, m, k) {
+    if ((header, file) in seen) return
+    seen[header, file]
+    if (header in defines) { number[header]++; by[header] = by[header] " " file }
+    m = split(to[header], part, " ")
+    for (k = 1; k <= m; k++) visit(part[k], file)
+  }
+  END {
+    for (file in files) visit(file, file)
+    for (header in defines)
+      if (number[header] != 1) { print header " defines functions that are compiled once, but is reached from " number[header] + 0 " files:" by[header]; bad = 1 }
+    exit bad
+  }'
+}
+compiled | once
+for planted in "compmark/app/detail/export.hpp compmark/app/detail/files.hpp" "compmark/app/detail/export_warnings.hpp compmark/app/detail/any_model.hpp" "defines compmark/app/detail/of_no_file.hpp" \
+  "compmark/app/run/app_run_codecs.cpp compmark/app/run/detail/run_folder.hpp" "compmark/app/run/detail/fit_codec.hpp compmark/app/detail/files.hpp"; do
+  if { compiled; echo "$planted"; } | once >/dev/null; then
+    echo "the check of what is compiled once does not see that $planted"
+    exit 1
+  fi
+done
+echo "compiled once: $(compiled | grep -c '^defines ') headers of app"
 
 optional=$(sed -nE '/set\(COMPMARK_OPTIONAL_COMPONENTS/,/\)/ { s/"([a-z]+ [a-z0-9_\/]+\.hpp) [A-Za-z:_]+"/\n\1\n/gp }' ../cmake/CompmarkTargets.cmake | grep -E '^[a-z]+ [a-z0-9_/]+\.hpp$')
 [ -n "$optional" ] || { echo "no optional components in cmake/CompmarkTargets.cmake: this check has lost its list"; exit 1; }

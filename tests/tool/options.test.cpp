@@ -400,6 +400,10 @@ TEST_CASE("options: what would change nothing is refused where somebody gives it
     CHECK(tool("export --model " + model + " --out " + place.at("a.spz") + " " + words).text.find("is for SPZ files") ==
           std::string::npos);
   }
+  // A size of photographs without photographs; the control: without the option it is the model that is looked at.
+  const std::string splats = "export --model " + model + " --out " + place.at("a.ply");
+  check_refused(tool(splats + " --downscale 2"), {"--downscale", "no --data is given", "give --data"});
+  CHECK(tool(splats).text.find("--downscale") == std::string::npos);
   fs::remove(place.folder / "model.safetensors");
   CHECK(place.all() == before);
 }

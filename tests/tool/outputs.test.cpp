@@ -204,6 +204,17 @@ TEST_CASE("tool: renders are as many files as are told, and none is or lies amon
   CHECK(outcome.text.find("8 views in ") == 0);
   CHECK(names_in(at("renders")).size() == 8);
   done(render + at("renders"));  // again: they are ours
+  // The model's own cameras are drawn smaller where no data set says a size, as those of a data set are.
+  done(render + at("smaller") + " --downscale 3");
+  done(render + at("smaller_data") + " --downscale 3 --data " + setting().scene);
+  CHECK(names_in(at("smaller")) == names_in(at("renders")));
+  for (const char* folder : {"renders", "smaller", "smaller_data"}) {
+    const Result<ImageBytes> one = read_image(fs::path(at(folder)) / *names_in(at(folder)).begin());
+    REQUIRE(one.ok());
+    const int side = std::string(folder) == "renders" ? 40 : 13;
+    CHECK(one->width == side);
+    CHECK(one->height == side);
+  }
   const std::string photographs = setting().scene + "/train";
   const std::vector<std::byte> before = file_bytes(photographs + "/r_000.png");
   check_refused(tool(render + photographs + " --data " + setting().scene), {"--out", "photographs"});

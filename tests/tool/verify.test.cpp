@@ -441,6 +441,7 @@ TEST_CASE("tool: bad input of extract, verify and calibrate is one error line, a
   check_refused(verify(s.key, s.decoder, images + " --alpha 0"), {"--alpha", "above 0"});
   check_refused(verify(s.key, s.decoder, images + " --alpha 2"), {"--alpha", "up to 1"});
   check_refused(verify(s.key, s.decoder, images + " --tests 0"), {"--tests", "from 1"});
+  check_refused(verify(s.key, s.decoder, images + " --tests 1000000000000001"), {"--tests", "from 1"});
   CHECK(verify(s.key, s.decoder, images + " --model " + at("m.safetensors")).code == 2);
   CHECK(tool("verify --decoder " + s.decoder + " " + images).code == 2);
   CHECK(read_file(report)->size() == 15);  // "an older report"

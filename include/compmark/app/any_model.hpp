@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "compmark/app/compiled.hpp"
@@ -37,8 +38,9 @@ struct HeldAccess;
 class AnyModel {
  public:
   /// Opens either kind of file; the recipe's name in it chooses the type. Errors are those of ModelSource::open, and a
-  /// recipe that is none of the shipped ones.
-  [[nodiscard]] static Result<AnyModel> open(const std::filesystem::path& path, ThreadExecutor& executor);
+  /// recipe that is none of the shipped ones. `sha256`, if any, is set to that of the bytes that were read.
+  [[nodiscard]] static Result<AnyModel> open(const std::filesystem::path& path, ThreadExecutor& executor,
+                                             std::string* sha256 = nullptr);
   [[nodiscard]] static Result<AnyModel> load(const ModelSource& source);
 
   /// Renders a camera in the model's coordinates through `lens`, that of the photograph; a model that does not project

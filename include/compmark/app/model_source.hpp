@@ -32,9 +32,11 @@ struct ModelSource {
   std::shared_ptr<const SafetensorsFile> file = {};  ///< of model.safetensors, as it was read
   std::shared_ptr<const SplatFile> splats = {};      ///< of a splat file
 
-  /// Reads the file and decodes a .cmk. Error: the kind of a file that is no model, or the damage. Cost: the file's
-  /// bytes and, of a .cmk, its model.
-  [[nodiscard]] static Result<ModelSource> open(const std::filesystem::path& path, ThreadExecutor& executor);
+  /// Reads the file and decodes a .cmk. `sha256`, if any, is set to that of the bytes that were read, 64 digits:
+  /// what is said of the model is then said of these, whatever becomes of the file meanwhile. Error: the kind of a file
+  /// that is no model, or the damage. Cost: the file's bytes and, of a .cmk, its model.
+  [[nodiscard]] static Result<ModelSource> open(const std::filesystem::path& path, ThreadExecutor& executor,
+                                                std::string* sha256 = nullptr);
 
   /// R is one of with_reading_recipe (recipe_list.hpp). Error: a shape or a number that does not fit the recipe. Splats
   /// come without cameras: their model gets some round them (scene/views_around.hpp).

@@ -42,9 +42,11 @@ using FileDecoder = StoredDecoder<float, WinogradOrDirect>;
                                                std::string* sha256 = nullptr);
 
 /// Reads a file of measure_interference (interference.hpp), as that of the logits of the decoder `decoder`; of a
-/// carrier file, with the key. Error: it was measured for another decoder.
+/// carrier file, with the key. `sha256`, if any, is set to that of the bytes that were read. Error: it was measured for
+/// another decoder.
 [[nodiscard]] Result<CoverInterference> open_interference(const std::filesystem::path& path,
-                                                          const std::filesystem::path& decoder, const OwnerKey* key);
+                                                          const std::filesystem::path& decoder, const OwnerKey* key,
+                                                          std::string* sha256 = nullptr);
 
 /// What a decoder reads from a render of `view`, rounded to 8 bits as others have it; with the SHA-256 of those pixels.
 /// `interference`, if any, is subtracted.

@@ -15,6 +15,7 @@
 #include "compmark/app/any_model.hpp"
 #include "compmark/app/compiled.hpp"
 #include "compmark/app/observer.hpp"
+#include "compmark/codec/container/codec_model.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/owner_key.hpp"
@@ -46,6 +47,15 @@ struct SpreadMarked {
   std::size_t cells = 0;  ///< cubes, of one sign each
   double cell_side = 0;   ///< units of the model
 };
+
+/// Side of the cubes of spread marks in a model, units of the model: what its file says (ModelInfo::spread_side), or 8
+/// pixels in the median over anchors and training views. A file with fewer cameras or anchors than the model that is
+/// marked (a .cmk) would give another side, and with it other cubes: it has to say it. Error: no cameras, or no anchor.
+[[nodiscard]] Result<double> spread_cell_side(AnyModel& model);
+
+/// Has the compressed file of a model that gets a spread mark say which cubes the mark has (META.spread_side), so that
+/// pictures are read by that file as by the model. Error: one of spread_cell_side.
+[[nodiscard]] Result<Done> store_spread_side(AnyModel& unmarked, CodecModel& coded);
 
 /// Marks a model. Error: too few anchors for evidence, or no features. Cost: 30 forward and backward passes, then 72
 /// renders.

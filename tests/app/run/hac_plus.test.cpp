@@ -8,6 +8,7 @@
 #include <compmark/app/run/embed.hpp>
 #include <compmark/app/run/fit_decoder.hpp>
 #include <compmark/app/run/train.hpp>
+#include <compmark/app/spread.hpp>
 #include <compmark/app/verify.hpp>
 #include <compmark/codec/hac_plus/hac_plus_format.hpp>
 #include <filesystem>
@@ -131,6 +132,22 @@ TEST_CASE("app/run/hac_plus: a marked model is verified from its file, and an un
     for (const char* name : {"model.cmk", "unmarked.cmk"})
       CHECK((coded_file(alone.out / name)->codec == "hac_plus") == (alone.codec == "hac_plus"));
   }
+  // Pictures with a spread mark are read by the unmarked file too, which stores fewer cameras and anchors than the model
+  // that was marked, in its cubes. Without a spread mark the file says nothing of them.
+  alone.codec = "trained";
+  alone.mark.spread = 40;
+  alone.out = scene.folder.path / "spread";
+  REQUIRE(embed_message(alone, executor, told).ok());
+  Result<AnyModel> model = AnyModel::open(trained->model, executor),
+                   file = AnyModel::open(alone.out / "unmarked.cmk", executor),
+                   before = AnyModel::open(scene.folder.path / "trained/unmarked.cmk", executor);
+  REQUIRE((model.ok() && file.ok() && before.ok()));
+  const Result<double> side = spread_cell_side(*model), stored = spread_cell_side(*file);
+  REQUIRE((side.ok() && stored.ok()));
+  CHECK(*stored == *side);
+  CHECK(before->info().spread_side == 0);
+  MESSAGE("side ", *side, ", from the file's own cameras ", *spread_cell_side(*before));
+  CHECK(*spread_cell_side(*before) != *side);
 }
 
 }  // namespace

@@ -13,8 +13,19 @@
 #include <vector>
 
 #include "support/directional.hpp"
+#include "support/full_rasterizer.hpp"
 
 using namespace compmark;
+
+namespace {
+
+/// One camera shows more than there is memory for: that of another width.
+constexpr bool of_25_columns(const Camera<double>& camera) { return camera.width == 25; }
+struct ContributionFull : testing::SmoothRecipe {
+  using Rasterizer = testing::FullRasterizer<testing::SmoothRecipe::Rasterizer, of_25_columns>;
+};
+
+}  // namespace
 
 TEST_CASE("baselines/error_contribution: with one error everywhere it is that of every Gaussian to the picture") {
   using R = testing::SmoothRecipe;
@@ -28,7 +39,7 @@ TEST_CASE("baselines/error_contribution: with one error everywhere it is that of
   std::vector<double> photograph;
   for (const double value : ImageView<const double>(context.image).flat()) photograph.push_back(value + 0.5);
   ErrorContribution<R> contribution(model);
-  contribution.add_view(camera, 0, {photograph.data(), 3, 19, 23}, serial);
+  REQUIRE(contribution.add_view(camera, 0, {photograph.data(), 3, 19, 23}, serial).ok());
 
   std::vector<double> expected(8, 0.0);
   ContributionMeter<R> meter;
@@ -53,10 +64,24 @@ TEST_CASE("baselines/error_contribution: with one error everywhere it is that of
 
   // Where a render is right nothing is carried, and the largest of two views counts.
   const std::vector<double> kept(contribution.largest().begin(), contribution.largest().end());
-  contribution.add_view(camera, 0, context.image, serial);
+  REQUIRE(contribution.add_view(camera, 0, context.image, serial).ok());
   CHECK(std::equal(kept.begin(), kept.end(), contribution.largest().begin()));
   for (double& value : photograph) value += 0.5;
-  contribution.add_view(camera, 0, {photograph.data(), 3, 19, 23}, serial);
+  REQUIRE(contribution.add_view(camera, 0, {photograph.data(), 3, 19, 23}, serial).ok());
   for (std::size_t row = 0; row < 8; ++row)
     CHECK(contribution.largest()[row] == doctest::Approx(2 * kept[row]).epsilon(1e-9));
+}
+
+TEST_CASE("baselines/error_contribution: a view that could not be drawn is an error, and contributes nothing") {
+  const Model<ContributionFull> model = testing::random_model<ContributionFull>(8);
+  const Camera<double> drawn = testing::ring_camera(1, 5, 23, 19), full = testing::ring_camera(1, 5, 25, 19);
+  SerialExecutor serial;
+  const std::vector<double> photograph(3 * 25 * 19, 0.5);
+  ErrorContribution<ContributionFull> contribution(model);
+  const Result<Done> refused = contribution.add_view(full, 0, {photograph.data(), 3, 19, 25}, serial);
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().field == "raster.pair_budget");
+  for (const double largest : contribution.largest()) CHECK(largest == 0);
+  REQUIRE(contribution.add_view(drawn, 0, {photograph.data(), 3, 19, 23}, serial).ok());
+  CHECK(*std::max_element(contribution.largest().begin(), contribution.largest().end()) > 0);
 }

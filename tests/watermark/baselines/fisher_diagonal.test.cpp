@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "support/directional.hpp"
+#include "support/full_rasterizer.hpp"
 
 using namespace compmark;
 
@@ -20,18 +21,25 @@ namespace {
 
 using FisherHost = testing::SmallestSmoothRecipe;
 
+/// One camera shows more than there is memory for: that of another width.
+constexpr bool of_nine_columns(const Camera<double>& camera) { return camera.width == 9; }
+struct FisherFull : FisherHost {
+  using Rasterizer = testing::FullRasterizer<FisherHost::Rasterizer, of_nine_columns>;
+};
+
 /// The sum over all pixels and channels, one pass for each.
 std::vector<double> exact_information(const Model<FisherHost>& model, const Camera<double>& camera) {
   SerialExecutor serial;
   FisherDiagonal<FisherHost> fisher(model);
   const std::size_t size = 3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
   for (std::size_t pixel = 0; pixel < size; ++pixel) {
-    fisher.add_squares(
+    const Result<Done> added = fisher.add_squares(
         camera, 0,
         [&](ImageView<double> slope) {
           for (std::size_t i = 0; i < slope.size(); ++i) slope.data[i] = i == pixel ? 1 : 0;
         },
         serial);
+    REQUIRE(added.ok());
   }
   return {fisher.information().begin(), fisher.information().end()};
 }
@@ -73,13 +81,14 @@ TEST_CASE("baselines/fisher_diagonal: the mean over signs is the sum of squares,
   SerialExecutor serial;
   constexpr int draws = 1000;
   FisherDiagonal<FisherHost> signs(model), sums(model);
-  for (std::uint64_t seed = 0; seed < draws; ++seed) signs.add_view(camera, 0, seed, serial);
-  sums.add_squares(
+  for (std::uint64_t seed = 0; seed < draws; ++seed) REQUIRE(signs.add_view(camera, 0, seed, serial).ok());
+  const Result<Done> added = sums.add_squares(
       camera, 0,
       [](ImageView<double> slope) {
         for (double& one : slope.flat()) one = 1;
       },
       serial);
+  REQUIRE(added.ok());
   double worst_sum = 0;
   for (std::size_t row = 0; row < exact.size(); ++row) {
     CAPTURE(row);
@@ -94,9 +103,22 @@ TEST_CASE("baselines/fisher_diagonal: the mean over signs is the sum of squares,
   Model<FisherHost> hidden = model;
   hidden.arena.values(hidden.anchors.position)(3, 1) = 1e4;
   FisherDiagonal<FisherHost> one(hidden), other(hidden);
-  one.add_view(camera, 0, 7, serial);
-  other.add_view(camera, 1, 7, serial);
+  REQUIRE(one.add_view(camera, 0, 7, serial).ok());
+  REQUIRE(other.add_view(camera, 1, 7, serial).ok());
   CHECK(one.information()[3] == 0);
   CHECK(one.information()[2] > 0);
   CHECK(one.information()[2] != other.information()[2]);
+}
+
+TEST_CASE("baselines/fisher_diagonal: a view that could not be drawn is an error, and says nothing of an anchor") {
+  const Model<FisherFull> model = testing::random_model<FisherFull>(6);
+  const Camera<double> drawn = testing::ring_camera(1, 5, 7, 6), full = testing::ring_camera(1, 5, 9, 6);
+  SerialExecutor serial;
+  FisherDiagonal<FisherFull> fisher(model);
+  const Result<Done> refused = fisher.add_view(full, 0, 7, serial);
+  REQUIRE_FALSE(refused.ok());
+  CHECK(refused.error().field == "raster.pair_budget");
+  for (const double information : fisher.information()) CHECK(information == 0);
+  REQUIRE(fisher.add_view(drawn, 0, 7, serial).ok());
+  CHECK(*std::max_element(fisher.information().begin(), fisher.information().end()) > 0);
 }

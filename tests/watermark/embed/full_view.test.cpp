@@ -101,4 +101,26 @@ TEST_CASE("embed/full_view: so does post-hoc embedding, and has changed nothing"
   for (const float gradient : embedding.model().arena.all_gradients()) REQUIRE(gradient == 0);
 }
 
+TEST_CASE("embed/full_view: growth statistics hold the photograph of a failed step, once for each time") {
+  BlobViews views;
+  ThreadExecutor executor(2);
+  auto trainer = marked_trainer<MarkedFull<between>>(views, executor);
+  REQUIRE(trainer.step(views).ok());
+  REQUIRE(trainer.step(views).ok());
+  const auto visits = [&] {
+    double sum = 0;
+    for (const float count : trainer.state().growth.statistics.visits) sum += static_cast<double>(count);
+    return sum;
+  };
+  std::vector<double> after{visits()};
+  for (int tried = 0; tried < 2; ++tried) {
+    REQUIRE_FALSE(trainer.step(views).ok());
+    CHECK(trainer.state().iteration == 2);
+    after.push_back(visits());
+  }
+  CHECK(after[0] > 0);
+  CHECK(after[1] > after[0]);
+  CHECK(after[2] - after[1] == after[1] - after[0]);
+}
+
 }  // namespace full_view_test

@@ -9,7 +9,9 @@
 #include <cstddef>
 #include <vector>
 
+#include "compmark/watermark/fit/decoder_fit.hpp"
 #include "fourier_bench.hpp"
+#include "support/full_rasterizer.hpp"
 
 namespace {
 
@@ -17,6 +19,13 @@ using namespace compmark;
 using compmark::testing::FourierBench;
 using compmark::testing::small_statistics;
 using Probe = compmark::testing::FourierBenchProbe;
+
+/// Of the cameras of the ring and between them, those on one side show more than there is memory for.
+constexpr bool of_the_left(const Camera<double>& camera) { return camera.center_world[0] < 0; }
+struct ProbedFull : compmark::testing::SmallestSmoothRecipe {
+  using Rasterizer =
+      compmark::testing::FullRasterizer<compmark::testing::SmallestSmoothRecipe::Rasterizer, of_the_left>;
+};
 
 /// Means of the features in the probe's view, of the render itself and not of its 8 bits: what the gradients are of.
 std::vector<double> smooth_means(FourierBench& bench, const Probe& probe) {
@@ -36,7 +45,7 @@ double dot(const std::vector<double>& a, const std::vector<double>& b) {
 TEST_CASE("fit/fourier_probe: a feature's gradient is that of its mean") {
   FourierBench bench;
   Probe probe = bench.probe();
-  probe.render("test", 1);
+  REQUIRE(probe.render("test", 1).ok());
   const MatrixView<double> feature = bench.unmarked.arena.values(bench.unmarked.anchors.feature);
   REQUIRE(probe.parameters() == feature.size());
   const Random random(5, 0, random_stage("test direction"));
@@ -54,7 +63,7 @@ TEST_CASE("fit/fourier_probe: a feature's gradient is that of its mean") {
     std::vector<double> ahead, behind;
     for (const double sign : {1.0, -1.0}) {
       for (std::size_t i = 0; i < start.size(); ++i) feature.data[i] = start[i] + sign * h * direction[i];
-      probe.render("test", 1);
+      REQUIRE(probe.render("test", 1).ok());
       (sign > 0 ? ahead : behind) = smooth_means(bench, probe);
     }
     for (std::size_t k = 0; k < 6; ++k) {
@@ -74,7 +83,7 @@ TEST_CASE("fit/fourier_probe: a feature's gradient is that of its mean") {
 TEST_CASE("fit/fourier_probe: the gradient with random signs is the sum of the features' own") {
   FourierBench bench;
   Probe probe = bench.probe();
-  probe.render("test", 2);
+  REQUIRE(probe.render("test", 2).ok());
   for (const std::size_t n : {0u, 1u}) {
     std::vector<double> sum(probe.parameters(), 0.0), one(probe.parameters()), together(probe.parameters());
     const Random random(bench.settings.seed, n, random_stage("decoder fit signs"));
@@ -100,8 +109,8 @@ TEST_CASE("fit/fourier_probe: the gradients of some anchors are rows of those of
     return settings;
   }());
   Probe of_all = all.probe(), of_few = few.probe();
-  of_all.render("test", 0);
-  of_few.render("test", 0);
+  REQUIRE(of_all.render("test", 0).ok());
+  REQUIRE(of_few.render("test", 0).ok());
   std::vector<double> whole(of_all.parameters()), part(of_few.parameters());
   of_all.feature_gradient(2, whole);
   of_few.feature_gradient(2, part);
@@ -115,7 +124,7 @@ TEST_CASE("fit/fourier_probe: the gradients of some anchors are rows of those of
 TEST_CASE("fit/fourier_probe: reading a view leaves its render, and its gradients, as they are") {
   FourierBench bench;
   Probe probe = bench.probe();
-  probe.render("test", 3);
+  REQUIRE(probe.render("test", 3).ok());
   const std::vector<double> image(probe.image().data, probe.image().data + probe.image().size());
   std::vector<double> before(probe.parameters()), after(probe.parameters());
   probe.feature_gradient(0, before);
@@ -139,11 +148,11 @@ TEST_CASE(
     return settings;
   }());
   Probe of_plain = plain.probe(), of_lit = lit.probe();
-  of_plain.render("decoder fit", 4, plain.settings.reach);
+  REQUIRE(of_plain.render("decoder fit", 4, plain.settings.reach).ok());
   const std::vector<double> own = of_plain.means();
-  of_plain.render_statistics_view(4);
+  REQUIRE(of_plain.render_statistics_view(4).ok());
   CHECK(of_plain.means() == own);  // no tone: the model's light
-  of_lit.render_statistics_view(4);
+  REQUIRE(of_lit.render_statistics_view(4).ok());
   const std::vector<double> means = of_lit.means();
   CHECK(means != own);
   // By hand: the render in the tone of that number, in 8 bits.
@@ -163,7 +172,7 @@ TEST_CASE(
   of_plain.feature_gradient(1, here);
   CHECK(there == here);
   // Another number has another light; a view that is no statistics view has the model's again.
-  of_lit.render("decoder fit", 4, lit.settings.reach);
+  REQUIRE(of_lit.render("decoder fit", 4, lit.settings.reach).ok());
   CHECK(of_lit.means() == own);
 }
 
@@ -212,7 +221,7 @@ TEST_CASE("fit/fourier_probe: the loudest region of a view is what a decoder say
   const LatticeDecoder<double> decoder(shape, bench.weights);
   std::vector<double> expected;
   for (std::size_t n = 0; n < 9; ++n) {
-    probe.render("decoder fit", n, bench.settings.reach);
+    REQUIRE(probe.render("decoder fit", n, bench.settings.reach).ok());
     std::vector<double> rounded(probe.image().data, probe.image().data + probe.image().size());
     for (double& value : rounded) value = std::round(std::clamp(value, 0.0, 1.0) * 255) / 255;
     LatticeDecoder<double>::Context reading;
@@ -232,4 +241,42 @@ TEST_CASE("fit/fourier_probe: the loudest region of a view is what a decoder say
   CHECK(expected.front() != expected.back());
   std::sort(expected.begin(), expected.end());
   for (std::size_t n = 0; n < 9; ++n) CHECK(found[n] == doctest::Approx(expected[n]).epsilon(1e-12));
+}
+
+TEST_CASE("fit/fourier_probe: a view that could not be drawn is an error of the probe, the statistics and the fit") {
+  struct Bench {
+    DecoderFitSettings settings = small_statistics();
+    LatticeSettings lattice = FourierBench().lattice;
+    LatticeWeights<double> weights = FourierBench().weights;
+    testing::BlobViews views{.count = 6, .width = 24, .height = 20};
+    ThreadExecutor executor{2};
+  };
+  Bench bench;
+  Model<ProbedFull> model = testing::random_model<ProbedFull>(7);
+  detail::FourierProbe<ProbedFull, testing::BlobViews, ThreadExecutor> probe(
+      model, bench.views, bench.lattice, bench.weights, bench.settings, bench.executor);
+  std::vector<bool> drawn;
+  for (std::size_t n = 0; n < 12; ++n) {
+    const Result<Done> rendered = probe.render("test", n);
+    CHECK(rendered.ok() == !of_the_left(probe.camera()));
+    drawn.push_back(rendered.ok());
+    if (!rendered) CHECK(rendered.error().field == "raster.pair_budget");
+  }
+  CHECK(std::count(drawn.begin(), drawn.end(), true) > 0);
+  CHECK(std::count(drawn.begin(), drawn.end(), false) > 0);
+  const auto field_of = [](const auto& result) {
+    REQUIRE_FALSE(result.ok());
+    return result.error().field;
+  };
+  CHECK(field_of(detail::fourier_statistics(probe, bench.settings, bench.executor)) == "raster.pair_budget");
+  LatticeSettings limited = bench.lattice;
+  limited.regions = 6;
+  bench.weights.head.resize(24);
+  bench.weights.bias.resize(4);
+  CHECK(field_of(probe.loudest_regions(limited, bench.weights, NoFitObserver{})) == "raster.pair_budget");
+  bench.settings.coordinates = 0;
+  CHECK(field_of(fit_decoder(model, bench.views, bench.settings, bench.executor)) == "raster.pair_budget");
+  // The control: the same where each view is drawn.
+  Model<compmark::testing::SmallestSmoothRecipe> same = testing::random_model<testing::SmallestSmoothRecipe>(7);
+  CHECK(fit_decoder(same, bench.views, bench.settings, bench.executor).ok());
 }

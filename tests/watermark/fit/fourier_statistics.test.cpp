@@ -26,7 +26,7 @@ TEST_CASE("fit/fourier_statistics: noise is the covariance of what is read, ener
   std::vector<std::vector<double>> read;
   std::vector<double> mean(features, 0.0);
   for (std::size_t n = 0; n < samples; ++n) {
-    probe.render("decoder fit", n, bench.settings.reach);
+    REQUIRE(probe.render("decoder fit", n, bench.settings.reach).ok());
     read.emplace_back(probe.means().begin(), probe.means().end());
     for (std::size_t k = 0; k < features; ++k) mean[k] += read.back()[k] / samples;
   }
@@ -67,7 +67,7 @@ TEST_CASE("fit/fourier_statistics: every view is read edited too, and the noise 
   REQUIRE(found.deviation.size() == features * readings);
   CHECK(found.per_view == 3);
   // The readings are those of the probe, in the order that is promised, less the clean ones' mean.
-  probe.render("decoder fit", 3, bench.settings.reach);
+  REQUIRE(probe.render("decoder fit", 3, bench.settings.reach).ok());
   const std::vector<double> clean = probe.means(), edited = probe.edited_means(6, NoJpeg{});
   CHECK(clean != edited);
   for (std::size_t k = 0; k < features; ++k) {
@@ -89,7 +89,7 @@ TEST_CASE("fit/fourier_statistics: every view is read edited too, and the noise 
   AugmentationSettings nothing = no_augmentation();
   bench.settings.edits = nothing;
   Probe plain = bench.probe();
-  plain.render("decoder fit", 3, bench.settings.reach);
+  REQUIRE(plain.render("decoder fit", 3, bench.settings.reach).ok());
   CHECK(plain.edited_means(6, NoJpeg{}) == clean);
 }
 

@@ -207,6 +207,20 @@ TEST_CASE("proof/verify: bad input is refused") {
   VerifySettings settings;
   settings.tries = 0;
   CHECK_FALSE(verify_message(message, one, settings).ok());
+  // So many that counting them twice would wrap, and a p-value times them would be a small one again.
+  for (const std::uint64_t tries : {largest_tries + 1, ~std::uint64_t{0}}) {
+    settings.tries = tries;
+    const Result<Verification> many = verify_message(message, one, settings);
+    REQUIRE_FALSE(many.ok());
+    CHECK(many.error().field == "tries");
+    CHECK(many.error().problem == "is above 2^62");
+  }
+  settings.tries = largest_tries;
+  CHECK(verify_message(message, one, settings).ok());
+  CHECK(check_settings(settings, 1).ok());
+  CHECK_FALSE(check_settings(settings, 2).ok());
+  settings.tries = largest_tries / 2;
+  CHECK(check_settings(settings, 2).ok());
   for (const double rate : {0.0, 1.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
     settings = {};
     settings.false_positive_rate = rate;

@@ -42,8 +42,9 @@ COMPMARK_APP_INLINE Result<Done> AnyModel::make_up_for(double missing_share) {
   return Done{};
 }
 
-COMPMARK_APP_INLINE Result<AnyModel> AnyModel::open(const std::filesystem::path& path, ThreadExecutor& executor) {
-  const Result<ModelSource> source = ModelSource::open(path, executor);
+COMPMARK_APP_INLINE Result<AnyModel> AnyModel::open(const std::filesystem::path& path, ThreadExecutor& executor,
+                                                    std::string* sha256) {
+  const Result<ModelSource> source = ModelSource::open(path, executor, sha256);
   if (!source) return source.error();
   return load(*source);
 }

@@ -158,10 +158,9 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   std::string decoder_sha256;
   const Result<FileDecoder> decoder = open_decoder(reading.decoder, &key, &decoder_sha256);
   if (!decoder) return decoder.error();
-  Result<AnyModel> model = AnyModel::open(reading.unmarked, executor);
+  std::string unmarked_sha256;
+  Result<AnyModel> model = AnyModel::open(reading.unmarked, executor, &unmarked_sha256);
   if (!model) return model.error();
-  const Result<std::string> digest = file_sha256(reading.unmarked);
-  if (!digest) return digest.error();
   const auto of_model = [&](const Error& error) { return detail::named(error, reading.unmarked); };
   Result<SpreadReader> spread = SpreadReader::make(*model, executor);
   if (!spread) return of_model(spread.error());
@@ -177,7 +176,7 @@ COMPMARK_APP_INLINE Result<InformedReport> verify_informed(const OwnerKey& key, 
   InformedReport result;
   result.report.sources = detail::sources_of(reading.decoder, decoder_sha256, &key);
   result.report.sources.unmarked = reading.unmarked.filename().string();
-  result.report.sources.unmarked_sha256 = *digest;
+  result.report.sources.unmarked_sha256 = std::move(unmarked_sha256);
   const std::vector<std::int8_t> signs = spread_signs(key, spread->cells());
   std::vector<double> all(signs.size(), 0.0);
   FileDecoder::Context context;

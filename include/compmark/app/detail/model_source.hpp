@@ -36,11 +36,12 @@ COMPMARK_APP_INLINE bool is_coded_file(const std::filesystem::path& path) {
   return true;
 }
 
-COMPMARK_APP_INLINE Result<ModelSource> ModelSource::open(const std::filesystem::path& path, ThreadExecutor& executor) {
+COMPMARK_APP_INLINE Result<ModelSource> ModelSource::open(const std::filesystem::path& path, ThreadExecutor& executor,
+                                                          std::string* sha256) {
   ModelSource source;
   source.path = path;
   if (is_coded_file(path)) {
-    Result<CodecDecoded> decoded = read_cmk(path, CodecDecodeSettings{}, executor);
+    Result<CodecDecoded> decoded = read_cmk(path, CodecDecodeSettings{}, executor, sha256);
     if (!decoded) return decoded.error();
     Result<std::string> recipe = model_recipe(decoded->model);
     if (!recipe) {
@@ -53,7 +54,7 @@ COMPMARK_APP_INLINE Result<ModelSource> ModelSource::open(const std::filesystem:
     return source;
   }
   if (is_splat_file(path)) {
-    Result<SplatFile> splats = read_splat(path);
+    Result<SplatFile> splats = read_splat(path, sha256);
     if (!splats) return splats.error();
     source.recipe = "explicit";
     source.splats = std::make_shared<const SplatFile>(std::move(*splats));
@@ -64,6 +65,7 @@ COMPMARK_APP_INLINE Result<ModelSource> ModelSource::open(const std::filesystem:
   Result<std::string> recipe = model_recipe(*file);
   if (!recipe) return recipe.error();
   source.recipe = std::move(*recipe);
+  if (sha256 != nullptr) *sha256 = file->sha256();
   source.file = std::make_shared<const SafetensorsFile>(std::move(*file));
   return source;
 }

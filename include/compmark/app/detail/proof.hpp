@@ -21,9 +21,14 @@
 namespace compmark {
 
 COMPMARK_APP_INLINE Result<OwnerClaim> make_claim(const OwnerKey& key, const ClaimSettings& settings) {
-  if (const Result<FileDecoder> decoder = open_decoder(settings.decoder, &key); !decoder) return decoder.error();
+  OwnerClaim claim;
+  claim.key = key.commitment();
+  // The digests are those of the bytes that were looked at.
+  if (const Result<FileDecoder> decoder = open_decoder(settings.decoder, &key, &claim.decoder); !decoder)
+    return decoder.error();
   if (!settings.interference.empty()) {
-    const Result<CoverInterference> said = open_interference(settings.interference, settings.decoder, &key);
+    const Result<CoverInterference> said =
+        open_interference(settings.interference, settings.decoder, &key, &claim.interference);
     if (!said) return said.error();
   }
   if (const FileKind kind = settings.unmarked.empty() ? FileKind::model : identify_file(settings.unmarked);
@@ -31,17 +36,8 @@ COMPMARK_APP_INLINE Result<OwnerClaim> make_claim(const OwnerKey& key, const Cla
     return wrong_kind(kind, settings.unmarked.string(), "a model");
   if (!settings.unmarked.empty()) {  // a damaged one could never be subtracted
     ThreadExecutor alone(1);
-    if (const Result<AnyModel> model = AnyModel::open(settings.unmarked, alone); !model) return model.error();
-  }
-  OwnerClaim claim;
-  claim.key = key.commitment();
-  for (const auto& [path, digits] :
-       {std::pair(&settings.decoder, &claim.decoder), std::pair(&settings.unmarked, &claim.unmarked),
-        std::pair(&settings.interference, &claim.interference)}) {
-    if (path->empty()) continue;
-    Result<std::string> digest = file_sha256(*path);
-    if (!digest) return digest.error();
-    *digits = std::move(*digest);
+    if (const Result<AnyModel> model = AnyModel::open(settings.unmarked, alone, &claim.unmarked); !model)
+      return model.error();
   }
   return claim;
 }

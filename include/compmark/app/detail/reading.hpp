@@ -79,29 +79,27 @@ inline Result<Done> read_images(const ReadingSettings& settings, const FileDecod
 /// nothing of the other.
 inline Result<AnyModel> load_unmarked(const std::filesystem::path& path, const ModelInfo& marked, Reading& reading,
                                       ThreadExecutor& executor) {
-  Result<AnyModel> model = AnyModel::open(path, executor);
+  std::string digest;
+  Result<AnyModel> model = AnyModel::open(path, executor, &digest);
   if (!model) return model;
   if (model->info().unit != marked.unit || model->info().origin != marked.origin) {
     return Error{ErrorKind::invalid, path.string(), "--unmarked",
                  "has another unit of length or another origin than the model",
                  "give the unmarked model that this one was made from"};
   }
-  const Result<std::string> digest = file_sha256(path);
-  if (!digest) return digest.error();
   reading.sources.unmarked = path.filename().string();
-  reading.sources.unmarked_sha256 = *digest;
+  reading.sources.unmarked_sha256 = std::move(digest);
   return model;
 }
 
 inline Result<Done> read_renders(const ReadingSettings& settings, const FileDecoder& decoder,
                                  const CoverInterference* interference, ThreadExecutor& executor,
                                  const WorkObserver& observer, Reading& reading) {
-  Result<AnyModel> model = AnyModel::open(settings.model, executor);
+  std::string digest;
+  Result<AnyModel> model = AnyModel::open(settings.model, executor, &digest);
   if (!model) return model.error();
-  const Result<std::string> digest = file_sha256(settings.model);
-  if (!digest) return digest.error();
   reading.sources.model = settings.model.filename().string();
-  reading.sources.model_sha256 = *digest;
+  reading.sources.model_sha256 = std::move(digest);
   std::vector<StoredView> views = model->info().views;
   const bool any_test = std::any_of(views.begin(), views.end(), [](const StoredView& view) { return view.test; });
   if (settings.split != ViewChoice::all) {
@@ -222,9 +220,10 @@ COMPMARK_APP_INLINE Result<FileDecoder> open_decoder(const std::filesystem::path
 
 COMPMARK_APP_INLINE Result<CoverInterference> open_interference(const std::filesystem::path& path,
                                                                 const std::filesystem::path& decoder,
-                                                                const OwnerKey* key) {
+                                                                const OwnerKey* key, std::string* sha256) {
   const Result<SafetensorsFile> file = read_safetensors(path, FileKind::interference);
   if (!file) return file.error();
+  if (sha256 != nullptr) *sha256 = file->sha256();
   Result<CoverInterference> interference = read_cover_interference(*file);
   if (!interference) return interference;
   const Result<SafetensorsFile> reader = read_safetensors(decoder, FileKind::decoder);
@@ -270,11 +269,10 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
   Reading reading;
   reading.sources = detail::sources_of(settings.decoder, decoder_sha256, key ? &*key : nullptr);
   if (!settings.interference.empty()) {
+    std::string said;
     Result<CoverInterference> opened =
-        open_interference(settings.interference, settings.decoder, key ? &*key : nullptr);
+        open_interference(settings.interference, settings.decoder, key ? &*key : nullptr, &said);
     if (!opened) return opened.error();
-    const Result<std::string> said = file_sha256(settings.interference);
-    if (!said) return said.error();
     interference = std::move(*opened);
     if (interference->outputs() != static_cast<std::size_t>(decoder->bits())) {
       return Error{
@@ -283,7 +281,7 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
           "measure it again with `compmark interference`"};
     }
     reading.sources.interference = settings.interference.filename().string();
-    reading.sources.interference_sha256 = *said;
+    reading.sources.interference_sha256 = std::move(said);
   }
   reading.bits = static_cast<std::size_t>(decoder->bits());
   const CoverInterference* const less = interference ? &*interference : nullptr;

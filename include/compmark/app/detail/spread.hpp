@@ -43,6 +43,11 @@ inline std::vector<StoredView> spread_views(const ModelInfo& info, std::size_t c
   return views;
 }
 
+inline MatrixView<const float> anchor_positions(AnyModel& model) {
+  const ParameterArena<float>& arena = model.arena();
+  return arena.values(arena.layout().find("anchor.position"));
+}
+
 inline MatrixView<float> feature_rows(AnyModel& model) {
   ParameterArena<float>& arena = model.arena();
   return arena.values(arena.layout().find("anchor.feature"));
@@ -50,14 +55,35 @@ inline MatrixView<float> feature_rows(AnyModel& model) {
 
 }  // namespace detail
 
+COMPMARK_APP_INLINE Result<double> spread_cell_side(AnyModel& model) {
+  const SpreadForm form;
+  const std::vector<StoredView> views = detail::spread_views(model.info(), form.views);
+  if (views.empty()) {
+    return Error{ErrorKind::unsupported, model.file().string(), "camera.table", "the model stores no cameras",
+                 "give a trained model"};
+  }
+  if (model.info().spread_side > 0) return model.info().spread_side;
+  const auto camera = [&](std::size_t i) -> const Camera<double>& { return views[i].camera; };
+  const double side = spread_side(detail::anchor_positions(model), camera, views.size(), form.cell_pixels);
+  if (side > 0) return side;
+  return Error{ErrorKind::unsupported, model.file().string(), "anchor.position", "there is no anchor",
+               "give a trained model"};
+}
+
+COMPMARK_APP_INLINE Result<Done> store_spread_side(AnyModel& unmarked, CodecModel& coded) {
+  const Result<double> side = spread_cell_side(unmarked);
+  if (!side) return side.error();
+  coded.metadata["spread_side"] = *side;
+  return Done{};
+}
+
 COMPMARK_APP_INLINE Result<SpreadReader> SpreadReader::make(AnyModel& unmarked, ThreadExecutor& executor) {
   const SpreadForm form;
   SpreadReader reader(unmarked);
+  const Result<double> side = spread_cell_side(unmarked);
+  if (!side) return side.error();
+  reader.side_ = *side;
   const std::vector<StoredView> views = detail::spread_views(unmarked.info(), form.views);
-  if (views.empty()) {
-    return Error{ErrorKind::unsupported, unmarked.file().string(), "camera.table", "the model stores no cameras",
-                 "give a trained model"};
-  }
   std::vector<float> brightness;
   for (const StoredView& view : views) {
     // Of ITU-R BT.601, as JPEG has it.
@@ -77,15 +103,7 @@ COMPMARK_APP_INLINE Result<SpreadReader> SpreadReader::make(AnyModel& unmarked, 
     for (std::size_t i = 0; i < gradient->size(); ++i) reader.direction_[i] += gradient->data[i];
   }
   normalise_rows({reader.direction_.data(), reader.rows_, reader.columns_});
-  ParameterArena<float>& arena = unmarked.arena();
-  const MatrixView<const float> position = std::as_const(arena).values(arena.layout().find("anchor.position"));
-  const auto camera = [&](std::size_t i) -> const Camera<double>& { return views[i].camera; };
-  reader.side_ = spread_side(position, camera, views.size(), form.cell_pixels);
-  if (!(reader.side_ > 0)) {
-    return Error{ErrorKind::unsupported, unmarked.file().string(), "anchor.position", "there is no anchor",
-                 "give a trained model"};
-  }
-  reader.cells_ = spread_cells(position, reader.side_);
+  reader.cells_ = spread_cells(detail::anchor_positions(unmarked), reader.side_);
   if (reader.cells_.place.size() < form.least_cells) {
     return Error{ErrorKind::unsupported, unmarked.file().string(), "anchor.position",
                  "the anchors lie in " + std::to_string(reader.cells_.place.size()) + " cells of " +

@@ -17,6 +17,7 @@
 #include "compmark/codec/container/codecs.hpp"
 #include "compmark/io/atomic_file.hpp"
 #include "compmark/io/file_kind.hpp"
+#include "compmark/io/sha256.hpp"
 
 namespace compmark {
 
@@ -49,9 +50,10 @@ template <class Codecs = ShippedCodecs, Executor E>
   if (!written) return written.error();
   return encoded;
 }
+/// `sha256`, if any, is set to that of the bytes that were read, 64 digits.
 template <class Codecs = ShippedCodecs, Executor E>
 [[nodiscard]] Result<CodecDecoded> read_cmk(const std::filesystem::path& path, const CodecDecodeSettings& settings,
-                                            E& executor) {
+                                            E& executor, std::string* sha256 = nullptr) {
   // A nearly right magic may come from a copy in text mode: the parser reports that.
   const auto fits = [](FileKind kind, std::span<const std::byte> head) {
     return kind == FileKind::cmk || (head.size() > 4 && head[1] == std::byte{'C'} && head[2] == std::byte{'M'});
@@ -59,6 +61,7 @@ template <class Codecs = ShippedCodecs, Executor E>
   const Result<std::vector<std::byte>> bytes =
       read_file_of(path, settings.memory_limit, "a compressed model (.cmk)", fits);
   if (!bytes) return bytes.error();
+  if (sha256 != nullptr) *sha256 = Sha256{}.update(*bytes).hex();
   return decode_cmk<Codecs>(*bytes, path.string(), settings, executor);
 }
 

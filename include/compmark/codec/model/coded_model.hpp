@@ -5,7 +5,8 @@
 // entropy model into a CodecModel, model_from() turns a decoded one back. Anchors must lie on the voxel grid, as those
 // of every recipe without a contracted space do. Scales are stored, the table holds their logarithms: both ways go
 // through double, once, so that the same file gives the same bits. A decoded model renders; the context that predicted
-// it stays with the file. Cost: one copy of the model.
+// it stays with the file. Cost: one copy of the model. Longer than 300 lines: both ways side by side, so that what the
+// one stores the other reads, and what is wrong is told field by field.
 #pragma once
 
 #include <algorithm>
@@ -137,6 +138,7 @@ template <Recipe R>
   if (info.unit != 1) coded.metadata["unit"] = info.unit;
   if (info.up) coded.metadata["up"] = detail::packed_doubles(*info.up);
   if (cameras_are_made_up(info)) coded.metadata["around_splats"] = std::int64_t{1};
+  if (info.spread_side > 0) coded.metadata["spread_side"] = info.spread_side;
   detail::store_views(info, settings.cameras, coded);
   return coded;
 }
@@ -193,6 +195,9 @@ template <class Json = nlohmann::json>
       return fail("up");
     std::copy_n(numbers.begin(), 3, info.up.emplace().begin());
   }
+  if (coded.metadata.contains("spread_side") &&
+      (!get("spread_side", info.spread_side) || !(info.spread_side > 0) || !std::isfinite(info.spread_side)))
+    return fail("spread_side");
   info.around_splats = get("around_splats", around_splats) && around_splats != 0;
   info.base_step = coded.base_step;
   Result<std::vector<StoredView>> views = detail::read_views<Json>(coded);

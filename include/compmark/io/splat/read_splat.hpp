@@ -25,6 +25,7 @@
 #include "compmark/io/file_kind.hpp"
 #include "compmark/io/ply.hpp"
 #include "compmark/io/read_file.hpp"
+#include "compmark/io/sha256.hpp"
 #include "compmark/io/splat/antimatter_splat.hpp"
 #include "compmark/io/splat/compressed_ply.hpp"
 #include "compmark/io/splat/glb.hpp"
@@ -140,9 +141,10 @@ template <class Json = nlohmann::json>
          detail::splat_format(head, file->size(), path.string()).has_value();
 }
 
-/// Reads a file; one of another kind is not read whole. Memory: the file, its unpacked content and the table.
+/// Reads a file; one of another kind is not read whole. `sha256`, if any, is set to that of the bytes that were read, 64
+/// digits. Memory: the file, its unpacked content and the table.
 template <class Json = nlohmann::json>
-[[nodiscard]] Result<SplatFile> read_splat(const std::filesystem::path& path) {
+[[nodiscard]] Result<SplatFile> read_splat(const std::filesystem::path& path, std::string* sha256 = nullptr) {
   const std::string name = path.string();
   const Result<std::vector<std::byte>> bytes =
       read_file(path, std::uintmax_t{1} << 40, file_kind_head,
@@ -151,6 +153,7 @@ template <class Json = nlohmann::json>
                   return detail::no_splats(head, size, name);
                 });
   if (!bytes) return bytes.error();
+  if (sha256 != nullptr) *sha256 = Sha256{}.update(*bytes).hex();
   return parse_splat<Json>(*bytes, name);
 }
 

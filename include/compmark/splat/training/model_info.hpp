@@ -43,8 +43,11 @@ struct ModelInfo {
   /// Plus `unit` times a position of the model is one in the dataset's files (Dataset::origin, Dataset::unit).
   std::array<double, 3> origin{0, 0, 0};
   double unit = 1;
-  std::optional<std::array<double, 3>> up{};       ///< of length 1: of splats without cameras, where somebody says it
-  bool around_splats = false;                      ///< trained from splats: its cameras were made up round them
+  std::optional<std::array<double, 3>> up{};  ///< of length 1: of splats without cameras, where somebody says it
+  bool around_splats = false;                 ///< trained from splats: its cameras were made up round them
+  /// Side of the cubes of spread marks (app/spread.hpp), units of the model, where the file says it: one that stores
+  /// not all cameras and anchors of the model that was marked. 0: follows from the model's own.
+  double spread_side = 0;
   std::array<double, 3> base_step{1, 0.001, 0.2};  ///< Q0 of features, scales and offsets, with an entropy model
 };
 
@@ -105,6 +108,7 @@ template <class Json = nlohmann::json>
   if (info.unit != 1) json["unit"] = info.unit;
   if (info.up) json["up"] = *info.up;
   if (info.around_splats) json["around_splats"] = true;
+  if (info.spread_side > 0) json["spread_side"] = info.spread_side;
   if (model.coded) json["base_step"] = info.base_step;
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -166,6 +170,7 @@ template <class Json>
     if (json.contains("unit")) info.unit = json["unit"].template get<double>();
     if (json.contains("up")) info.up = json["up"].template get<std::array<double, 3>>();
     if (json.contains("around_splats")) info.around_splats = json["around_splats"].template get<bool>();
+    if (json.contains("spread_side")) info.spread_side = json["spread_side"].template get<double>();
     if (json.contains("base_step")) info.base_step = json["base_step"].template get<std::array<double, 3>>();
     for (const Json& view : json.at("views")) {
       StoredView stored;
@@ -183,6 +188,8 @@ template <class Json>
     return model_error(file, "__metadata__.info.unit", "is not a positive number");
   if (info.up && !(std::abs(std::hypot((*info.up)[0], (*info.up)[1], (*info.up)[2]) - 1) < 1e-6))
     return model_error(file, "__metadata__.info.up", "is not a direction of length 1");
+  if (json.contains("spread_side") && (!(info.spread_side > 0) || !std::isfinite(info.spread_side)))
+    return model_error(file, "__metadata__.info.spread_side", "is not a positive number");
   for (const double step : info.base_step) {
     if (!(step > 0)) return model_error(file, "__metadata__.info.base_step", "is not positive");
   }

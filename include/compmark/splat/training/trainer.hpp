@@ -134,7 +134,9 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
   }
 
   /// One iteration. An Error comes from the views, or from one that shows more than the rasterizer has memory for
-  /// (RasterReport::error), and leaves the state where it was; if that one is a sampled novel view, with gradients.
+  /// (RasterReport::error), and leaves the state where it was. If that view is a sampled one, between photographs, the
+  /// photograph of the iteration is in gradients and growth statistics, and anchors may have grown and been pruned by
+  /// these: another step would count it twice, so go on from an earlier state (restore).
   template <class Views>
     requires TrainingViews<Views, Scalar>
   [[nodiscard]] Result<IterationReport> step(Views& views) {
@@ -172,8 +174,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     if (failed) return std::move(*failed);
     if (t < settings_
                 .iterations) {  // the published loop saves before the last step: an N-iteration run makes N - 1 updates
-      // On an adjustment the anchors' tensors were rebuilt and their gradients of this iteration are gone, as in the
-      // published loop.
+      // An adjustment rebuilt the anchors' tensors: their gradients are gone, as in the published loop.
       const StepOptions options{.skip_anchor_blocks = report.adjusted, .zero_gradients_after = true};
       report.skipped_blocks =
           optimizer_.step(model.arena, rates_, state_.optimizer, *executor_, options).skipped_blocks;
@@ -271,8 +272,7 @@ class Trainer : public TrainingLoop<Trainer<R, E>, R, E> {
     report.adjusted = true;
   }
 
-  /// Brings a training back that has died, if it has not died too often. Statistics begin anew too: by the old ones
-  /// every anchor would be pruned.
+  /// Brings back a training that has died, if not too often. By the old statistics every anchor would be pruned.
   bool revive(std::int64_t t, const ForwardReport& seen) {
     Revival& revival = state_.revival;
     [[maybe_unused]] const bool dead = revival.count(seen.visible_anchors, seen.gaussians);

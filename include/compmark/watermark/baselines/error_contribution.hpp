@@ -19,6 +19,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/gaussians.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/splat/training/model.hpp"
 #include "compmark/splat/training/pipeline.hpp"
@@ -34,10 +35,13 @@ class ErrorContribution {
 
   explicit ErrorContribution(const Model<R>& model) : model_(&model), largest_(model.anchor_count(), 0.0) {}
 
-  /// Looks at a view; `photograph` [3, height, width].
+  /// Looks at a view; `photograph` [3, height, width]. An Error where the view shows more than the rasterizer has memory
+  /// for (RasterReport::error); then nothing is contributed.
   template <Executor E>
-  void add_view(const ViewCamera<R>& camera, std::size_t view, ImageView<const Scalar> photograph, E& executor) {
-    static_cast<void>(pipeline_.forward(*model_, camera, view, context_, executor));
+  [[nodiscard]] Result<Done> add_view(const ViewCamera<R>& camera, std::size_t view, ImageView<const Scalar> photograph,
+                                      E& executor) {
+    ForwardReport rendered = pipeline_.forward(*model_, camera, view, context_, executor);
+    if (rendered.raster.error) return std::move(*rendered.raster.error);
     slope_.resize(context_.image.size());
     for (std::size_t i = 0; i < slope_.size(); ++i)
       slope_[i] = std::abs(context_.image.data[i] - photograph.data[i]) / static_cast<Scalar>(slope_.size());
@@ -54,12 +58,13 @@ class ErrorContribution {
       double& largest = largest_[anchor(slot[p])];
       for (std::size_t c = 0; c < 3; ++c) largest = std::max(largest, static_cast<double>(gradient.color[c][p]));
     }
+    return Done{};
   }
 
   /// [anchors], at least 0; 0 where no view sees the anchor.
   [[nodiscard]] std::span<const double> largest() const { return largest_; }
 
-  // Of the last view.
+  // Of the last view without an error.
   [[nodiscard]] ImageView<const Scalar> image() const { return context_.image; }
   /// Calls visit(anchor row, centre [3] in the world) for every Gaussian.
   template <class Visit>

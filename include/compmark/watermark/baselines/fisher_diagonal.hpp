@@ -20,6 +20,7 @@
 #include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/random.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/splat/training/model.hpp"
 #include "compmark/splat/training/pipeline.hpp"
@@ -35,23 +36,26 @@ class FisherDiagonal {
 
   explicit FisherDiagonal(const Model<R>& model) : model_(model), information_(model.anchor_count(), 0.0) {}
 
-  /// ADDS a view's part, estimated with the signs of (seed, view).
+  /// ADDS a view's part, estimated with the signs of (seed, view). An Error where the view shows more than the
+  /// rasterizer has memory for (RasterReport::error); then nothing is added.
   template <Executor E>
-  void add_view(const ViewCamera<R>& camera, std::size_t view, std::uint64_t seed, E& executor) {
+  [[nodiscard]] Result<Done> add_view(const ViewCamera<R>& camera, std::size_t view, std::uint64_t seed, E& executor) {
     const Random random(seed, view, random_stage("fisher signs"));
-    add_squares(
+    return add_squares(
         camera, view,
         [&](ImageView<Scalar> slope) {
           for (std::size_t i = 0; i < slope.size(); ++i) slope.data[i] = Scalar(random.bits(i) >> 63 != 0 ? 1 : -1);
         },
         executor);
   }
-  /// ADDS the squares of the gradient of sum slope * render, where `fill` sets the slope [3, height, width].
+  /// ADDS the squares of the gradient of sum slope * render, where `fill` sets the slope [3, height, width]. Errors
+  /// are those of add_view.
   template <class Fill, Executor E>
-  void add_squares(const ViewCamera<R>& camera, std::size_t view, const Fill& fill, E& executor) {
+  [[nodiscard]] Result<Done> add_squares(const ViewCamera<R>& camera, std::size_t view, const Fill& fill, E& executor) {
     auto& arena = model_.arena;
     for (Scalar& gradient : arena.all_gradients()) gradient = Scalar(0);
-    static_cast<void>(pipeline_.forward(model_, camera, view, context_, executor));
+    ForwardReport rendered = pipeline_.forward(model_, camera, view, context_, executor);
+    if (rendered.raster.error) return std::move(*rendered.raster.error);
     pipeline_.begin_loss(context_);
     fill(context_.d_image);
     pipeline_.backward(model_, camera, view, context_, executor);
@@ -66,6 +70,7 @@ class FisherDiagonal {
         information_[row] += sum;
       }
     }
+    return Done{};
   }
 
   /// [anchors], at least 0; 0 where no view sees the anchor.

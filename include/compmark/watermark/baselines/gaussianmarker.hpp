@@ -65,17 +65,21 @@ struct GaussianMarker : BaseRecipe {
   /// A training begins from begin() and not from the host as it is.
   static constexpr bool prepares_host = true;
 
-  /// What is trained: `host`, and behind its anchors the copies. No error.
+  /// What is trained: `host`, and behind its anchors the copies. An Error where a view shows more than
+  /// the rasterizer has memory for.
   template <class Views, Executor E>
   [[nodiscard]] static auto begin(const Model<BaseRecipe>& host, const Views& views, std::uint64_t seed, E& executor) {
+    using Begun = Result<Model<GaussianMarker>>;
     FisherDiagonal<BaseRecipe> fisher(host);
-    for (std::size_t i = 0; i < views.size(); ++i) fisher.add_view(views.camera(i), i, seed, executor);
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      if (Result<Done> added = fisher.add_view(views.camera(i), i, seed, executor); !added) return Begun(added.error());
+    }
     const std::vector<std::uint32_t> copied = most_uncertain(fisher.information(), gaussianmarker_copied);
     std::vector<std::uint32_t> all(host.anchor_count());
     std::iota(all.begin(), all.end(), std::uint32_t{0});
     Model<GaussianMarker> model = with_room_for_stages<GaussianMarker>(with_copies(host, all, copied), seed);
     FrozenOriginalsStage::train_from(model, all.size());
-    return Result<Model<GaussianMarker>>(std::move(model));
+    return Begun(std::move(model));
   }
 };
 

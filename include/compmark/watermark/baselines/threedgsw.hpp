@@ -79,7 +79,8 @@ struct ThreeDGsw : BaseRecipe {
   /// A training begins from begin() and not from the host as it is.
   static constexpr bool prepares_host = true;
 
-  /// What is trained: the anchors of `host` that are kept, some of them split. An Error is that of a photograph.
+  /// What is trained: the anchors of `host` that are kept, some of them split. An Error is that of a photograph, or
+  /// of a view that shows more than the rasterizer has memory for.
   template <class Views, Executor E>
   [[nodiscard]] static auto begin(const Model<BaseRecipe>& host, Views& views, std::uint64_t seed, E& executor) {
     using Begun = Result<Model<ThreeDGsw>>;
@@ -93,7 +94,7 @@ struct ThreeDGsw : BaseRecipe {
       photograph.resize(3 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
       const ImageView<Scalar> seen{photograph.data(), 3, camera.height, camera.width};
       if (Result<Done> loaded = views.load(i, seen); !loaded) return Begun(loaded.error());
-      contribution.add_view(camera, i, seen, executor);
+      if (Result<Done> added = contribution.add_view(camera, i, seen, executor); !added) return Begun(added.error());
       const DetailPatches patches(contribution.image(), numbers.patches);
       contribution.for_gaussians([&](std::size_t anchor, const std::array<double, 3>& center) {
         if (detailed[anchor] == 0 && patches.holds(image_point<double>(camera, center))) detailed[anchor] = 1;

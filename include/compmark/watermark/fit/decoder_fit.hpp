@@ -58,7 +58,8 @@ struct DecoderFit {
 
 /// The decoder for the model `unmarked`, whose gradients are used as workspace. `views` has size() and camera(i), of
 /// the cameras it was trained on. An Error where nothing can be chosen: no view, or no colour between black and
-/// white in any; of kind cancelled where the observer said stop (decoder_fit_settings.hpp).
+/// white in any; where a view shows more than the rasterizer has memory for (RasterReport::error); of kind cancelled
+/// where the observer said stop (decoder_fit_settings.hpp).
 template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
 [[nodiscard]] Result<DecoderFit<typename R::Scalar>> fit_decoder(Model<R>& unmarked, const Views& views,
                                                                  DecoderFitSettings settings, E& executor,
@@ -87,9 +88,9 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   LatticeWeights<T> weights =
       random_lattice<T>(shape, std::vector<double>{settings.period}, settings.seed, settings.spread_octaves);
   detail::FourierProbe<R, Views, E> probe(unmarked, views, shape, weights, settings, executor);
-  const std::optional<detail::FourierStatistics> statistics =
+  const Result<detail::FourierStatistics> statistics =
       detail::fourier_statistics(probe, settings, executor, observer, jpeg);
-  if (!statistics) return Error{ErrorKind::cancelled, {}, {}, "the fit was stopped by its observer", {}};
+  if (!statistics) return statistics.error();
   const detail::FourierStatistics& found = *statistics;
   const std::size_t features = static_cast<std::size_t>(settings.features),
                     bits = static_cast<std::size_t>(settings.bits);
@@ -170,8 +171,8 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   if (detail::limit_views(settings) > 0) {
     LatticeSettings limited = shape;
     limited.regions = settings.regions;
-    const std::optional<std::vector<double>> loudest = probe.loudest_regions(limited, weights, observer);
-    if (!loudest) return Error{ErrorKind::cancelled, {}, {}, "the fit was stopped by its observer", {}};
+    const Result<std::vector<double>> loudest = probe.loudest_regions(limited, weights, observer);
+    if (!loudest) return loudest.error();
     limited.region_limit = settings.region_limit * (*loudest)[loudest->size() / 2];
     const auto above = loudest->end() - std::upper_bound(loudest->begin(), loudest->end(), limited.region_limit);
     fit.held_back = static_cast<double>(above) / static_cast<double>(loudest->size());

@@ -12,7 +12,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -20,6 +19,7 @@
 #include "compmark/core/buffer.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/metric/rounding.hpp"
 #include "compmark/scene/novel_view.hpp"
@@ -45,6 +45,10 @@ template <class Views>
   }
   const double positions = pixels / (static_cast<double>(settings.stride) * settings.stride);
   return std::clamp(static_cast<int>(std::min(positions / settings.region_positions, 4096.0)), 1, settings.regions);
+}
+/// What a fit ends with where its observer says stop.
+[[nodiscard]] inline Error fit_stopped() {
+  return {ErrorKind::cancelled, {}, {}, "the fit was stopped by its observer", {}};
 }
 /// Views from which the limit of a region is measured.
 [[nodiscard]] inline std::size_t limit_views(const DecoderFitSettings& settings) {
@@ -82,25 +86,29 @@ class FourierProbe {
     clearance_ = ViewClearance([&](std::size_t i) -> ViewCamera<R> { return views_->camera(i); }, views_->size());
   }
 
-  /// Number n of the views of a stage.
-  void render(const char* stage, std::size_t n, double reach = 1) {
+  /// Number n of the views of a stage. An Error where it shows more than the rasterizer has memory for
+  /// (RasterReport::error); then there is nothing to read.
+  [[nodiscard]] Result<Done> render(const char* stage, std::size_t n, double reach = 1) {
     const Random random(settings_.seed, n, random_stage(stage));
     const auto camera_of = [&](std::size_t i) -> ViewCamera<R> { return views_->camera(i); };
     view_ = clearance_.view(random.uniform(std::uint64_t{1} << 20));
     camera_ = novel_view_camera(camera_of, views_->size(), view_, random, reach);
-    static_cast<void>(pipeline_.forward(*unmarked_, camera_, view_, context_, *executor_));
+    ForwardReport rendered = pipeline_.forward(*unmarked_, camera_, view_, context_, *executor_);
+    if (rendered.raster.error) return std::move(*rendered.raster.error);
     seen_ = context_.image;
+    return Done{};
   }
   /// Number n of the views of the statistics, in a light of its own (DecoderFitSettings::tone): what is read of it,
-  /// edited or not.
-  void render_statistics_view(std::size_t n) {
-    render("decoder fit", n, settings_.reach);
-    if (!(settings_.tone > 0)) return;
+  /// edited or not. Errors are those of render.
+  [[nodiscard]] Result<Done> render_statistics_view(std::size_t n) {
+    if (Result<Done> rendered = render("decoder fit", n, settings_.reach); !rendered) return rendered;
+    if (!(settings_.tone > 0)) return Done{};
     toned_.resize(context_.image.size());
     const ImageView<T> toned{toned_.data(), 3, context_.image.height, context_.image.width};
     const Random random(settings_.seed, n, random_stage("decoder fit tone"));
     apply_tone<T>(drawn_tone<T>(settings_.tone, random), context_.image, toned);
     seen_ = toned;
+    return Done{};
   }
   /// The features' means in the view, read from its pixels in 8 bits.
   [[nodiscard]] const std::vector<T>& means() { return read(seen_); }
@@ -138,21 +146,21 @@ class FourierProbe {
     backward_pass(LatticeDecoder<T>(shape, std::move(weights)), gradient);
   }
 
-  /// Norms of the logits of the loudest region in each view of the limit, in growing order; nothing where the observer
-  /// said stop.
+  /// Norms of the logits of the loudest region in each view of the limit, in growing order. An Error is that of render,
+  /// or of kind cancelled where the observer said stop.
   template <class O>
-  [[nodiscard]] std::optional<std::vector<double>> loudest_regions(LatticeSettings shape,
-                                                                   const LatticeWeights<T>& weights, O&& observer) {
+  [[nodiscard]] Result<std::vector<double>> loudest_regions(LatticeSettings shape, const LatticeWeights<T>& weights,
+                                                            O&& observer) {
     shape.region_limit = static_cast<double>(std::numeric_limits<T>::max());
     const LatticeDecoder<T> decoder(shape, weights);
     typename LatticeDecoder<T>::Context reading;
     const std::size_t views = limit_views(settings_), total = fit_parts(settings_);
     std::vector<double> loudest(views, 0.0);
     for (std::size_t n = 0; n < views; ++n) {
-      render_statistics_view(n);
+      if (Result<Done> rendered = render_statistics_view(n); !rendered) return rendered.error();
       decoder.pool(round(seen_), reading, *executor_);
       for (const T norm : reading.region_norm) loudest[n] = std::max(loudest[n], static_cast<double>(norm));
-      if (!observer.on_progress(total - views + n + 1, total)) return std::nullopt;
+      if (!observer.on_progress(total - views + n + 1, total)) return fit_stopped();
     }
     std::sort(loudest.begin(), loudest.end());
     return loudest;

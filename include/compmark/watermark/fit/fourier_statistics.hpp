@@ -9,12 +9,12 @@
 
 #include <cmath>
 #include <cstddef>
-#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "compmark/core/executor.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/math/row_products.hpp"
 #include "compmark/watermark/fit/decoder_fit_settings.hpp"
 #include "compmark/watermark/fit/fourier_probe.hpp"
@@ -59,11 +59,11 @@ template <Executor E>
   return sum;
 }
 
-/// Nothing where the observer said stop.
+/// An Error is that of FourierProbe::render, or of kind cancelled where the observer said stop.
 template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg = NoJpeg>
-[[nodiscard]] std::optional<FourierStatistics> fourier_statistics(FourierProbe<R, Views, E>& probe,
-                                                                  const DecoderFitSettings& settings, E& executor,
-                                                                  O&& observer = {}, const Jpeg& jpeg = {}) {
+[[nodiscard]] Result<FourierStatistics> fourier_statistics(FourierProbe<R, Views, E>& probe,
+                                                           const DecoderFitSettings& settings, E& executor,
+                                                           O&& observer = {}, const Jpeg& jpeg = {}) {
   using T = typename R::Scalar;
   const std::size_t features = static_cast<std::size_t>(settings.features),
                     samples = static_cast<std::size_t>(settings.statistics_views),
@@ -79,10 +79,10 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
     for (std::size_t k = 0; k < features; ++k) found.deviation[k * readings + n] = static_cast<double>(p[k]);
   };
   for (std::size_t n = 0; n < samples; ++n) {
-    probe.render_statistics_view(n);
+    if (Result<Done> rendered = probe.render_statistics_view(n); !rendered) return rendered.error();
     keep(probe.means(), n * per_view);
     for (std::size_t e = 0; e < edits; ++e) keep(probe.edited_means(n * edits + e, jpeg), n * per_view + 1 + e);
-    if (!observer.on_progress(++done, total)) return std::nullopt;
+    if (!observer.on_progress(++done, total)) return fit_stopped();
   }
   for (std::size_t k = 0; k < features; ++k) {
     double* const row = found.deviation.data() + k * readings;
@@ -96,10 +96,10 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   std::vector<T> one(parameters);
   std::vector<double> square(parameters, 0.0);
   for (std::size_t n = 0; n < views; ++n) {
-    probe.render("decoder fit gradient", n);
+    if (Result<Done> rendered = probe.render("decoder fit gradient", n); !rendered) return rendered.error();
     for (std::size_t d = 0; d < metric_draws; ++d) {
       probe.signed_gradient(n * metric_draws + d, one);
-      if (!observer.on_progress(++done, total)) return std::nullopt;
+      if (!observer.on_progress(++done, total)) return fit_stopped();
       for (std::size_t i = 0; i < parameters; ++i)
         square[i] += static_cast<double>(one[i]) * static_cast<double>(one[i]);
     }
@@ -116,11 +116,11 @@ template <Recipe R, class Views, Executor E, class O = NoFitObserver, class Jpeg
   found.energy.assign(features * features, 0.0);
   const double count = static_cast<double>(views);
   for (std::size_t n = 0; n < views; ++n) {
-    probe.render("decoder fit gradient", n);
+    if (Result<Done> rendered = probe.render("decoder fit gradient", n); !rendered) return rendered.error();
     for (std::size_t k = 0; k < features; ++k) {
       T* const row = gradient.data() + k * parameters;
       probe.feature_gradient(k, {row, parameters});
-      if (!observer.on_progress(++done, total)) return std::nullopt;
+      if (!observer.on_progress(++done, total)) return fit_stopped();
       for (std::size_t i = 0; i < parameters; ++i) {
         row[i] *= scale[i];
         sum[k * parameters + i] += row[i];

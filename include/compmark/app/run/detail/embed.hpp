@@ -62,11 +62,14 @@ namespace detail {
 
 /// What a codec writes of the unmarked model; an Error if it cannot.
 [[nodiscard]] inline Result<CodecModel> coded_unmarked(const RunPlan& plan) {
-  const Result<AnyModel> model = AnyModel::open(plan.model, *plan.executor);
+  Result<AnyModel> model = AnyModel::open(plan.model, *plan.executor);
   if (!model) return model.error();
   Result<CodecModel> coded = model->coded({.intra = plan.intra});
-  if (coded) return coded;
-  return in_file(coded.error(), plan.model);
+  if (!coded) return in_file(coded.error(), plan.model);
+  if (plan.mark.spread) {
+    if (const Result<Done> said = store_spread_side(*model, *coded); !said) return in_file(said.error(), plan.model);
+  }
+  return coded;
 }
 
 /// An error if the spread mark that plan.mark asks for cannot be hidden in a model of plan.recipe.
