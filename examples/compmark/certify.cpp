@@ -112,6 +112,7 @@ std::string command_line(const Certify& options) {
   if (reading.whole_images) line += " --whole-images";
   if (options.mirrored) line += " --mirrored";
   if (options.pruned) line += " --pruned";
+  if (reading.restored) line += " --restored";
   if (reading.up) line += " --up=" + axis_word(*reading.up);
   if (!options.proof.claim.empty()) line += " --claim owner.claim";
   if (!options.proof.time_stamp.empty()) line += " --time-stamp owner.tsr";

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "verification.hpp"
 
+#include <cmath>
 #include <compmark/app/run/mark_record.hpp>
 #include <compmark/app/verify.hpp>
 #include <utility>
@@ -21,8 +22,14 @@ namespace {
 std::string other_readings(const Verified& verified) {
   if (verified.verdict.verdict == Verdict::detected) return {};
   const VerificationReport& report = verified.report;
-  if (!report.sources.model.empty())
-    return report.missing_share ? "" : "--pruned, if anchors may have been taken from the model; that is four tests";
+  if (!report.sources.model.empty()) {
+    if (report.restored) return {};
+    const std::string whole =
+        "--unmarked MODEL --restored, if you have the unmarked model: it puts the model back together";
+    return report.missing_share
+               ? whole
+               : "--pruned, if anchors may have been taken from the model, which is four tests; " + whole;
+  }
   if (verified.informed) return {};
   const std::string unmarked = "--unmarked MODEL, if you have the unmarked model: it finds the camera of each picture";
   return report.mirrored ? unmarked : "--mirrored, if the pictures may be mirrored, which is two tests; " + unmarked;
@@ -49,6 +56,10 @@ void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& opti
       "--pruned", options->pruned,
       "anchors may have been taken from the model: read it as it is and with what is left standing in for a share of "
       "0.2, 0.35 and 0.5, which counts as four tests");
+  app.flag(
+      "--restored", options->reading.restored,
+      "put the features of --model back into the --unmarked model, anchor by anchor, and read that: what was taken "
+      "from the model, doubled or rounded does not matter then");
   add_splat_up(app, options->reading.up, "any of these six");
   app.also([options](FileUse& use) { add_record_read(use, options->key, options->reading.model); });
   app.reads("--claim", options->proof.claim, InputKind::claim,
@@ -78,6 +89,17 @@ Result<Verified> verify_by(const VerifyOptions& options, const ComparedObserver&
   ThreadExecutor executor(options.reading.threads);
   tell_threads(executor, options.reading.threads);
   const ReadingSettings reading = reading_settings(options.reading);
+  if (reading.restored && reading.model.empty()) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--restored",
+                 "is for a model, and these are images",
+                 "leave it out: --images with --unmarked is read informed"};
+  }
+  if (reading.restored && options.pruned) {
+    return Error{
+        ErrorKind::invalid, {}, "--pruned", "is given with --restored, which knows what is missing", "leave it out"};
+  }
   if (options.pruned && (reading.model.empty() || options.mirrored)) {
     return Error{
         ErrorKind::invalid,
@@ -164,6 +186,15 @@ std::string verified_text(const Verified& verified) {
     line("mirrored    ",
          std::string(*verified.report.mirrored ? "the images are read better so" : "the images are read as they are") +
              "; both ways were read, which is two tests");
+  }
+  if (verified.report.restored) {
+    const RestoredFeatures& restored = *verified.report.restored;
+    line("restored    ",
+         std::to_string(restored.found) + " of " + std::to_string(restored.anchors) +
+             " anchors of the unmarked model are in the model" +
+             (restored.raised > 1 ? "; what they carry was raised " +
+                                        compmark::detail::exact_text(std::round(100 * restored.raised) / 100) + " times"
+                                  : std::string()));
   }
   if (verified.report.missing_share) {
     const double share = *verified.report.missing_share;

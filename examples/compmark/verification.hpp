@@ -43,7 +43,7 @@ struct Verified {
   std::optional<PayloadText> payload;
 };
 
-/// --key, those of a reading, --alpha, --recipient-alpha, --tests, --mirrored, --pruned, --up, --claim, --time-stamp, --any-decoder
+/// --key, those of a reading, --alpha, --recipient-alpha, --tests, --mirrored, --pruned, --restored, --up, --claim, --time-stamp, --any-decoder
 void add_verify_options(Options& app, const std::shared_ptr<VerifyOptions>& options);
 
 /// Verifies as the options say. `compared` is told of every picture whose camera an informed reading found.

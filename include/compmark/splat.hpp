@@ -26,6 +26,7 @@
 #include "compmark/splat/anchor/mlp_decoder_backward.hpp"
 #include "compmark/splat/anchor/mlp_decoder_forward.hpp"
 #include "compmark/splat/anchor/mlp_decoder_layout.hpp"
+#include "compmark/splat/anchor/nearest_rows.hpp"
 #include "compmark/splat/anchor/new_anchors.hpp"
 #include "compmark/splat/anchor/no_growth.hpp"
 #include "compmark/splat/anchor/prune.hpp"

@@ -119,6 +119,7 @@
 #include "compmark/watermark/proof/recipient_trace.hpp"
 #include "compmark/watermark/proof/recipients.hpp"
 #include "compmark/watermark/proof/report.hpp"
+#include "compmark/watermark/proof/restored_features.hpp"
 #include "compmark/watermark/proof/shipped_decoders.hpp"
 #include "compmark/watermark/proof/soft_binding.hpp"
 #include "compmark/watermark/proof/spread_evidence.hpp"

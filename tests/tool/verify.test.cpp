@@ -264,6 +264,13 @@ TEST_CASE("tool: a model's renders are read from its own cameras") {
   CHECK(ways["missing_share"].get<double>() <= 0.5);
   CHECK(json.count("missing_share") == 0);
   check_refused(tool("verify" + s.with(at("renders")) + " --pruned"), {"--pruned", "images"});
+  const Outcome restored = tool(arguments + " --restored --unmarked " + at("run/model.safetensors"));
+  check_no_mark(restored);
+  CHECK(restored.text.find(" anchors of the unmarked model are in the model\n") != std::string::npos);
+  check_refused(tool(arguments + " --restored"), {"--restored", "--unmarked"});
+  check_refused(tool("verify" + s.with(at("renders")) + " --restored --unmarked " + at("run/model.safetensors")),
+                {"--restored", "images"});
+  check_refused(tool(arguments + " --restored --pruned --unmarked " + at("run/model.safetensors")), {"--pruned"});
   REQUIRE(tool(arguments + " --split train --views 4 --json " + at("train.json")).code != 2);
   CHECK(json_of(at("train.json"))["views"].size() == 4);
   // What the scene says by itself, measured from the unmarked model once, is subtracted.

@@ -68,6 +68,7 @@ struct ReadingSettings : PictureSettings {
   std::vector<GivenPicture> pictures;         ///< in memory, read after the files, all of them
   ViewChoice split = ViewChoice::test;        ///< a model without test views gives those of its training
   std::size_t views = 0;                      ///< at most so many, evenly spaced; 0: all
+  bool restored = false;                      ///< read a model's features in `unmarked` (restored_features.hpp)
   double missing_share = 0;                   ///< of a model's anchors, to make up for (AnyModel::make_up_for)
 };
 
@@ -75,6 +76,7 @@ struct Reading {
   std::vector<ViewLogits> views;  ///< with SHA-256 of the file, or of the 8-bit pixels of a render
   ReportSources sources;
   std::size_t bits = 0;
+  std::optional<RestoredFeatures> restored = {};  ///< of ReadingSettings::restored
 };
 
 /// Everything that the settings name, read by their decoder. `key`, if any, is of the decoder's message length. The

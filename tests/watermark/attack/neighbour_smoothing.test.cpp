@@ -52,25 +52,6 @@ struct Grid {
 
 }  // namespace
 
-TEST_CASE("attack/neighbour_smoothing: the nearest are those that a search of all finds") {
-  ParameterArena<float> arena;
-  const BlockHandle handle = arena.add("anchor.position", 300, 3, RowKind::anchor, BlockRole::rendering, {});
-  const MatrixView<float> position = arena.values(handle);
-  const Random random(3, 0, random_stage("test/nearest"));
-  for (std::size_t i = 0; i < position.size(); ++i)  // coarse, so that distances are often equal, and places too
-    position.data[i] = static_cast<float>(std::floor(4 * random.normal(i)));
-  const auto nearest = detail::nearest_rows(position, 9);
-  for (std::uint32_t row = 0; row < 300; ++row) {
-    std::vector<detail::Neighbour> all;
-    for (std::uint32_t other = 0; other < 300; ++other) {
-      if (other != row) all.emplace_back(detail::squared_distance(position, row, other), other);
-    }
-    std::sort(all.begin(), all.end());
-    all.resize(9);
-    CHECK(nearest[row] == all);
-  }
-}
-
 TEST_CASE("attack/neighbour_smoothing: strength 0 changes nothing, and at any other only features change, repeatably") {
   const Grid before;
   Grid none, once, again;

@@ -19,6 +19,7 @@
 #include "compmark/app/detail/files.hpp"
 #include "compmark/app/detail/less_interference.hpp"
 #include "compmark/app/detail/picture.hpp"
+#include "compmark/app/detail/render_reading.hpp"
 #include "compmark/app/reading.hpp"
 #include "compmark/io/image_file.hpp"
 #include "compmark/io/safetensors.hpp"
@@ -71,64 +72,6 @@ inline Result<Done> read_images(const ReadingSettings& settings, const FileDecod
     reading.views.push_back(std::move(*view));
     if (Result<Done> on = tell(observer, reading.views.size(), files->size() + settings.pictures.size()); !on)
       return on;
-  }
-  return Done{};
-}
-
-/// The unmarked model of the scene of `marked`. Both must have the same unit and origin, or a camera of one sees
-/// nothing of the other.
-inline Result<AnyModel> load_unmarked(const std::filesystem::path& path, const ModelInfo& marked, Reading& reading,
-                                      ThreadExecutor& executor) {
-  std::string digest;
-  Result<AnyModel> model = AnyModel::open(path, executor, &digest);
-  if (!model) return model;
-  if (model->info().unit != marked.unit || model->info().origin != marked.origin) {
-    return Error{ErrorKind::invalid, path.string(), "--unmarked",
-                 "has another unit of length or another origin than the model",
-                 "give the unmarked model that this one was made from"};
-  }
-  reading.sources.unmarked = path.filename().string();
-  reading.sources.unmarked_sha256 = std::move(digest);
-  return model;
-}
-
-inline Result<Done> read_renders(const ReadingSettings& settings, const FileDecoder& decoder,
-                                 const CoverInterference* interference, ThreadExecutor& executor,
-                                 const WorkObserver& observer, Reading& reading) {
-  std::string digest;
-  Result<AnyModel> model = AnyModel::open(settings.model, executor, &digest);
-  if (!model) return model.error();
-  reading.sources.model = settings.model.filename().string();
-  reading.sources.model_sha256 = std::move(digest);
-  std::vector<StoredView> views = model->info().views;
-  const bool any_test = std::any_of(views.begin(), views.end(), [](const StoredView& view) { return view.test; });
-  if (settings.split != ViewChoice::all) {
-    const bool test = settings.split == ViewChoice::test && any_test;
-    std::erase_if(views, [&](const StoredView& view) { return view.test != test; });
-  }
-  if (views.empty()) {
-    return Error{ErrorKind::invalid, settings.model.string(), "--split", "the model stores no such camera",
-                 "render images of it and give them with --images"};
-  }
-  keep_evenly(views, settings.views);
-  std::optional<AnyModel> unmarked;
-  if (!settings.unmarked.empty()) {
-    Result<AnyModel> loaded = load_unmarked(settings.unmarked, model->info(), reading, executor);
-    if (!loaded) return loaded.error();
-    unmarked = std::move(*loaded);
-  }
-  if (Result<Done> made_up = model->make_up_for(settings.missing_share); !made_up) return made_up;
-  FileDecoder::Context context;
-  for (const StoredView& view : views) {
-    Result<ViewLogits> read = read_render(*model, view, decoder, context, executor, interference);
-    if (!read) return read.error();
-    if (unmarked) {
-      const Result<ViewLogits> said = read_render(*unmarked, view, decoder, context, executor);
-      if (!said) return said.error();
-      for (std::size_t bit = 0; bit < read->logits.size(); ++bit) read->logits[bit] -= said->logits[bit];
-    }
-    reading.views.push_back(std::move(*read));
-    if (Result<Done> on = tell(observer, reading.views.size(), views.size()); !on) return on;
   }
   return Done{};
 }
@@ -248,6 +191,13 @@ COMPMARK_APP_INLINE Result<Reading> read_messages(const ReadingSettings& setting
   if (!settings.model.empty() && (!settings.images.empty() || !settings.pictures.empty())) {
     return Error{ErrorKind::invalid, settings.model.string(), "--model, --images", "are both given",
                  "read a model, or images"};
+  }
+  if (settings.restored && (settings.model.empty() || settings.unmarked.empty())) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "--restored",
+                 "is for a model with the unmarked one",
+                 "give --model and --unmarked, or leave it out"};
   }
   if (settings.model.empty() && settings.missing_share != 0) {
     return Error{ErrorKind::invalid, {}, "--pruned", "is for a model, and these are images", "leave it out"};

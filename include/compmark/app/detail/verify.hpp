@@ -44,7 +44,9 @@ COMPMARK_APP_INLINE Result<VerificationReport> verify_files(const OwnerKey& key,
   if (!read) return read.error();
   Result<Verification> verification = verify_key(key, read->views, settings);
   if (!verification) return verification.error();
-  return VerificationReport{std::move(read->sources), std::move(read->views), std::move(*verification)};
+  VerificationReport report{std::move(read->sources), std::move(read->views), std::move(*verification)};
+  report.restored = read->restored;
+  return report;
 }
 
 COMPMARK_APP_INLINE Result<VerificationReport> verify_either_way(const OwnerKey& key, ReadingSettings reading,

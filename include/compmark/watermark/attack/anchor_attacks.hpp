@@ -24,6 +24,7 @@
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/math/morton.hpp"
+#include "compmark/splat/anchor/nearest_rows.hpp"
 #include "compmark/splat/anchor/table.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
 
@@ -88,15 +89,6 @@ namespace detail {
   for (const auto& [code, row] : codes) order.push_back(row);
   return order;
 }
-
-[[nodiscard]] inline double squared_distance(MatrixView<const float> position, std::size_t a, std::size_t b) {
-  double sum = 0;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const double d = static_cast<double>(position(a, axis)) - static_cast<double>(position(b, axis));
-    sum += d * d;
-  }
-  return sum;
-}
 }  // namespace detail
 
 /// LightGaussian's global significance (Fan et al., NeurIPS 2024): hits * opacity * transmittance * volume^beta.
@@ -131,8 +123,7 @@ struct CutOutAttack {
     const auto middle =
         std::min(position.rows - 1, static_cast<std::size_t>(random.uniform(0) * static_cast<double>(position.rows)));
     std::vector<double> nearness(position.rows);
-    for (std::size_t row = 0; row < position.rows; ++row)
-      nearness[row] = -detail::squared_distance(position, row, middle);
+    for (std::size_t row = 0; row < position.rows; ++row) nearness[row] = -squared_distance(position, row, middle);
     return detail::prune_least(arena, 1 - share, nearness);
   }
 };
@@ -148,7 +139,7 @@ struct MergeAttack {
     const std::vector<std::uint32_t> curve = detail::along_curve(position);
     std::vector<std::pair<double, std::size_t>> pairs;  // distance, place along the curve
     for (std::size_t i = 0; i + 1 < curve.size(); ++i)
-      pairs.emplace_back(detail::squared_distance(position, curve[i], curve[i + 1]), i);
+      pairs.emplace_back(squared_distance(position, curve[i], curve[i + 1]), i);
     std::sort(pairs.begin(), pairs.end());
     auto left = static_cast<std::size_t>(share * static_cast<double>(position.rows));
     std::vector<std::uint8_t> taken(position.rows, 0), gone(position.rows, 0);

@@ -22,63 +22,12 @@
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
+#include "compmark/splat/anchor/nearest_rows.hpp"
 #include "compmark/splat/anchor/table.hpp"
 #include "compmark/watermark/attack/anchor_attacks.hpp"
 #include "compmark/watermark/attack/attack_list.hpp"
 
 namespace compmark {
-
-namespace detail {
-/// (squared distance, row)
-using Neighbour = std::pair<double, std::uint32_t>;
-
-/// The `count` nearest rows of each row but itself, nearest first, of equal ones the lower row; fewer where there are
-/// fewer. Rows with a place that is not finite have no neighbours and are none. Exact: a sweep along the widest axis.
-[[nodiscard]] inline std::vector<std::vector<Neighbour>> nearest_rows(MatrixView<const float> position,
-                                                                      std::size_t count) {
-  std::vector<std::uint32_t> order;
-  std::array<double, 3> low{}, high{};
-  for (std::size_t row = 0; row < position.rows; ++row) {
-    if (!(std::isfinite(position(row, 0)) && std::isfinite(position(row, 1)) && std::isfinite(position(row, 2))))
-      continue;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const double x = static_cast<double>(position(row, axis));
-      low[axis] = order.empty() ? x : std::min(low[axis], x);
-      high[axis] = order.empty() ? x : std::max(high[axis], x);
-    }
-    order.push_back(static_cast<std::uint32_t>(row));
-  }
-  std::size_t widest = 0;
-  for (std::size_t axis = 1; axis < 3; ++axis) {
-    if (high[axis] - low[axis] > high[widest] - low[widest]) widest = axis;
-  }
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    return std::pair(position(a, widest), a) < std::pair(position(b, widest), b);
-  });
-  std::vector<std::vector<Neighbour>> nearest(position.rows);
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    std::vector<Neighbour>& found = nearest[order[i]];
-    found.reserve(count + 1);
-    // Whether anything further along the axis can still be as near.
-    const auto look = [&](std::size_t j) {
-      const double along =
-          static_cast<double>(position(order[j], widest)) - static_cast<double>(position(order[i], widest));
-      if (found.size() == count && along * along > found.back().first) return false;
-      const Neighbour one{squared_distance(position, order[i], order[j]), order[j]};
-      if (found.size() == count && found.back() < one) return true;
-      found.insert(std::upper_bound(found.begin(), found.end(), one), one);
-      if (found.size() > count) found.pop_back();
-      return true;
-    };
-    bool before = true, after = true;
-    for (std::size_t step = 1; before || after; ++step) {
-      before = before && step <= i && look(i - step);
-      after = after && i + step < order.size() && look(i + step);
-    }
-  }
-  return nearest;
-}
-}  // namespace detail
 
 /// Features are moved to the weighted mean of the eight nearest anchors' in space, wholly at 1. An anchor's own feature
 /// is no part of the mean. Neighbours in the very same place share the weight of the nearest that is not.
@@ -93,12 +42,12 @@ struct NeighbourSmoothingAttack {
   [[nodiscard]] static Result<Done> smooth(ParameterArena<float>& arena, double share, std::size_t count) {
     const AnchorHandles handles = find_anchor_blocks(arena.layout());
     if (!handles.position.valid() || !handles.feature.valid() || share == 0) return Done{};
-    const auto nearest = detail::nearest_rows(std::as_const(arena).values(handles.position), count);
+    const auto nearest = nearest_rows(std::as_const(arena).values(handles.position), count);
     const MatrixView<float> feature = arena.values(handles.feature);
     const std::vector<float> before(feature.data, feature.data + feature.size());
     std::vector<double> weight, mean(feature.columns);
     for (std::size_t row = 0; row < feature.rows; ++row) {
-      const std::vector<detail::Neighbour>& around = nearest[row];
+      const std::vector<Neighbour>& around = nearest[row];
       if (around.empty()) continue;
       double least = 0;
       for (const auto& [distance, other] : around) {

@@ -86,12 +86,22 @@ struct ReportSources {
   std::string interference, interference_sha256;  ///< the file of what was subtracted, if anything was
 };
 
+/// A model that was put back together by the unmarked one before it was read (restored_features.hpp).
+struct RestoredFeatures {
+  std::size_t anchors = 0;  ///< of the unmarked model
+  std::size_t found = 0;    ///< of those, in the suspected one
+  double raised = 1;        ///< how many times the differences of their features were raised
+
+  friend bool operator==(const RestoredFeatures&, const RestoredFeatures&) = default;
+};
+
 struct VerificationReport {
   ReportSources sources;
   std::vector<ViewLogits> views;
   Verification verification;
   std::optional<bool> mirrored{};         ///< whether the images read better mirrored; empty: that was not tried
   std::optional<double> missing_share{};  ///< of the anchors, that the model reads best as lacking; empty: not tried
+  std::optional<RestoredFeatures> restored{};  ///< ReadingSettings::restored
 };
 
 [[nodiscard]] constexpr std::string_view verdict_name(Verdict verdict) {
@@ -155,6 +165,10 @@ template <class Json>
   }
   json["test"] = std::move(test);
   if (report.mirrored) json["mirrored"] = *report.mirrored;
+  if (report.restored) {
+    json["restored"] = {
+        {"anchors", report.restored->anchors}, {"found", report.restored->found}, {"raised", report.restored->raised}};
+  }
   if (report.missing_share) json["missing_share"] = *report.missing_share;
   json["read"] = {{"hex", v.read.hex()}, {"fused_logits", v.fused}};
   add_sources(json, report.sources);

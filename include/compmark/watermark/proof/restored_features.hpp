@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: 2026 The CompMark authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// A suspected model, put back together by who has the unmarked one. A mark is in the features of anchors. So what a
+// thief threw away, doubled, moved a little or rounded does not matter, if the features that he left are read in the
+// unmarked model, at the anchors that they belong to: the places say which. The anchors that are left also speak for
+// those that are gone: where n of N are found, their differences to the unmarked features are raised N / n times, at
+// most three times, beyond which the networks see features that they were never trained on (measured in
+// docs/notebook/watermark_experiments.md). No key and no message has part in it, so that a p-value is what it was.
+// Cost: two sorts along an axis, and of each anchor those within half the distance to its nearest neighbour along it.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+#include "compmark/core/parameters.hpp"
+#include "compmark/core/result.hpp"
+#include "compmark/core/views.hpp"
+#include "compmark/splat/anchor/nearest_rows.hpp"
+#include "compmark/splat/anchor/table.hpp"
+#include "compmark/watermark/proof/report.hpp"
+
+namespace compmark {
+
+/// Puts the features of the anchors of `suspected` that lie where anchors of `unmarked` do into `unmarked`, raised as
+/// above; numbers that are not finite stay out. Error: models whose features have other sizes, or no anchor in common.
+[[nodiscard]] inline Result<RestoredFeatures> restore_features(ParameterArena<float>& unmarked,
+                                                               const ParameterArena<float>& suspected) {
+  constexpr double most_raised = 3;
+  const AnchorHandles to = find_anchor_blocks(unmarked.layout()), from = find_anchor_blocks(suspected.layout());
+  const auto columns = [](const ParameterArena<float>& arena, BlockHandle handle) {
+    return handle.valid() ? arena.layout().block(handle).columns : std::size_t{0};
+  };
+  if (columns(unmarked, to.position) != 3 || columns(suspected, from.position) != 3 ||
+      columns(unmarked, to.feature) == 0 || columns(unmarked, to.feature) != columns(suspected, from.feature)) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "anchor.feature",
+                 "has another size in the model than in the unmarked one",
+                 "give the unmarked model that this one was made from"};
+  }
+  const auto match = same_places(std::as_const(unmarked).values(to.position), suspected.values(from.position));
+  RestoredFeatures restored;
+  restored.anchors = match.size();
+  restored.found = static_cast<std::size_t>(
+      std::count_if(match.begin(), match.end(), [](const auto& one) { return one.has_value(); }));
+  if (restored.found == 0) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 "anchor.position",
+                 "no anchor lies where one of the unmarked model does",
+                 "give the unmarked model that this one was made from"};
+  }
+  restored.raised = std::min(most_raised, static_cast<double>(restored.anchors) / static_cast<double>(restored.found));
+  const MatrixView<float> feature = unmarked.values(to.feature);
+  const MatrixView<const float> marked = suspected.values(from.feature);
+  for (std::size_t row = 0; row < match.size(); ++row) {
+    if (!match[row]) continue;
+    for (std::size_t k = 0; k < feature.columns; ++k) {
+      const double before = static_cast<double>(feature(row, k));
+      const auto there =
+          static_cast<float>(before + restored.raised * (static_cast<double>(marked(*match[row], k)) - before));
+      if (std::isfinite(there)) feature(row, k) = there;
+    }
+  }
+  return restored;
+}
+
+}  // namespace compmark
