@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rate-distortion curves: scenes x codecs x lambda, each point a training of its own (as by compmark train --codec),
-// measured from its file; and how many bytes one codec takes less than the other for the same quality.
+// Rate-distortion curves: scenes x codecs x lambda, each point a training (as by compmark train --codec), measured from
+// its file; and how many bytes one codec takes less than the other for the same quality, for every two of them. Codecs
+// that code one training share it: hac_plus writes the models that were trained for hac.
 //
 //   rate_distortion --data SCENE[@DOWNSCALE] ... --out DIR [--codecs C ...] [--lambdas L ...] [--iterations N] [options
 //     of compmark train]
@@ -10,7 +11,7 @@
 // What is finished is not run again, what was stopped goes on. DIR/rate_distortion.json, .md, .html and .svg (the first
 // plot) are written after each point, and have the finished points of earlier commands for these scenes, codecs and
 // lambdas. LPIPS is measured where --lpips-alex FILE is among the options of the first command. Cost: a training for a
-// codec each.
+// scene, a lambda and a codec with a training of its own; seconds for another file of it.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
@@ -18,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "compmark/codec/container/codecs.hpp"
 #include "compmark/options.hpp"
 #include "compmark/process.hpp"
 #include "fidelity/cell.hpp"
@@ -37,6 +39,12 @@ constexpr const char* program = "rate_distortion";
 
 int fail(const Error& error) { return fidelity::fail(program, error); }
 
+/// All codecs of the library, whose list is the one place that knows them.
+std::vector<std::string> known_codecs() {
+  const auto names = compmark::ShippedCodecs::names();
+  return {names.begin(), names.end()};
+}
+
 /// Each once, in the order in which it first comes.
 template <class T>
 std::vector<T> once(const std::vector<T>& values) {
@@ -52,7 +60,7 @@ int run(int argc, char** argv) {
       "rate-distortion curves of the codecs over lambda; options that are not of this list are those of compmark "
       "train"};
   Settings settings;
-  std::vector<std::string> data, codecs = {"hac", "context_gs"};
+  std::vector<std::string> data, codecs = known_codecs();
   std::vector<double> lambdas = {0.0005, 0.001, 0.002, 0.004};
   app.add_option("--data", data, "scenes, or folders of scenes; SCENE@2 at half its size")->required();
   app.add_option("--lambdas", lambdas, "losses of one bit more a scalar, a point each")
@@ -77,7 +85,7 @@ int run(int argc, char** argv) {
   const std::vector<WantedPoint> wanted = wanted_points(settings, *scenes, codecs, lambdas);
   const FunctionSteps steps;
   for (const WantedPoint& point : wanted) {
-    if (const Result<Done> right = steps.check(Step::train_coded, point.cell, point.settings); !right)
+    if (const Result<Done> right = steps.check(Step::train_coded, training_of(point.cell), point.settings); !right)
       return fail(right.error());
   }
   watch_stop(program);

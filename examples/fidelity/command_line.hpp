@@ -47,10 +47,12 @@ inline void add_iterations(CLI::App& app, Settings& settings) {
       ->capture_default_str()
       ->check(tool::in_range(tool::run_length));
 }
+/// `codecs` are those that the program knows, and the default.
 inline void add_codecs(CLI::App& app, std::vector<std::string>& codecs) {
-  app.add_option("--codecs", codecs, "of hac and context_gs")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"hac", "context_gs"}));
+  std::string known;
+  for (std::size_t i = 0; i < codecs.size(); ++i)
+    known += (i == 0 ? "of " : i + 1 == codecs.size() ? " and " : ", ") + codecs[i];
+  app.add_option("--codecs", codecs, known)->capture_default_str()->check(CLI::IsMember(codecs));
 }
 /// --bits, of the programs that hide a message.
 inline void add_bits(CLI::App& app, Settings& settings) {

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Runs the points of rate-distortion curves (curves.hpp) one after the other, each a training for a codec.
+// Runs the points of rate-distortion curves (curves.hpp) one after the other, each a training for a codec, or a file
+// of another point's training.
 #pragma once
 
 #include <algorithm>
@@ -32,25 +33,49 @@ struct WantedPoint {
   [[nodiscard]] fs::path folder() const { return settings.out / curve_name(cell, settings); }
 };
 
+/// The point whose training this one's file has; itself where its codec has a training of its own.
+[[nodiscard]] inline WantedPoint training_of(const WantedPoint& wanted) {
+  return {training_of(wanted.cell), wanted.settings};
+}
+/// The SHA-256 of the model that the results in a folder are of; empty where there are none.
+[[nodiscard]] inline std::string trained_model(const fs::path& folder) {
+  const Result<nlohmann::json> results = compmark::read_json(folder / "results.json");
+  return results && results->is_object() && results->contains("model_sha256") && (*results)["model_sha256"].is_string()
+             ? (*results)["model_sha256"].get<std::string>()
+             : std::string();
+}
+/// Whether its file is there; one of another point's training must be of the model that is there now.
+[[nodiscard]] inline bool is_coded(const WantedPoint& wanted) {
+  const fs::path folder = wanted.folder(), trained = training_of(wanted).folder();
+  if (trained == folder) return is_trained(folder);
+  return is_trained(folder) && is_trained(trained) && trained_model(folder) == trained_model(trained);
+}
+
 /// Empty: it is not finished.
 [[nodiscard]] inline std::optional<CurvePoint> finished(const WantedPoint& wanted) {
   const fs::path folder = wanted.folder();
-  if (!is_of(folder, curve_settings_json(wanted.cell, wanted.settings)) || !is_trained(folder)) return {};
+  if (!is_of(folder, curve_settings_json(wanted.cell, wanted.settings)) || !is_coded(wanted)) return {};
   Result<CurvePoint> point = read_curve_point(wanted.cell, wanted.settings, folder);
   return point ? std::optional<CurvePoint>(std::move(*point)) : std::nullopt;
 }
 
-/// Trains what of a point is missing. Empty: the run was stopped.
+/// Makes what of a point is missing, the training that it shares with another point first. Empty: the run was stopped.
 [[nodiscard]] inline Result<std::optional<CurvePoint>> finish(const char* program, const WantedPoint& wanted,
                                                               const Steps& steps) {
   const fs::path folder = wanted.folder();
+  const WantedPoint training = training_of(wanted);
+  const bool own = training.folder() == folder;
+  if (!own) {
+    Result<std::optional<CurvePoint>> trained = finish(program, training, steps);
+    if (!trained || !*trained) return trained;
+  }
   if (Result<Done> opened = open_folder(folder, curve_settings_json(wanted.cell, wanted.settings)); !opened)
     return opened.error();
-  if (!is_trained(folder)) {
-    const Result<bool> trained = take_step(program, curve_name(wanted.cell, wanted.settings), steps, Step::train_coded,
-                                           wanted.cell, wanted.settings, folder);
-    if (!trained) return trained.error();
-    if (!*trained) return std::optional<CurvePoint>();
+  if (!is_coded(wanted)) {
+    const Result<bool> made = take_step(program, curve_name(wanted.cell, wanted.settings), steps,
+                                        own ? Step::train_coded : Step::compress, wanted.cell, wanted.settings, folder);
+    if (!made) return made.error();
+    if (!*made) return std::optional<CurvePoint>();
   }
   Result<CurvePoint> point = read_curve_point(wanted.cell, wanted.settings, folder);
   if (!point) return point.error();
@@ -67,7 +92,16 @@ struct WantedPoint {
     named.push_back(point.scene.name);
     text += tool::format_text("; %s at 1 / %g of its size", point.scene.name.c_str(), point.scene.downscale);
   }
-  return text + ". Every point is a training, measured in its test views from the file, all bytes counted.";
+  text += ". Every point is a training, measured in its test views from the file, all bytes counted.";
+  std::vector<std::string> sharing;
+  for (const CurvePoint& point : points) {
+    const std::string trained = compmark::trained_codec(point.codec);
+    if (trained == point.codec || std::find(sharing.begin(), sharing.end(), point.codec) != sharing.end()) continue;
+    sharing.push_back(point.codec);
+    text +=
+        " The files of " + point.codec + " are of the trainings for " + trained + ", and decode to the same models.";
+  }
+  return text;
 }
 
 /// The tables, that of the deltas first, if there is more than one codec.

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rate-distortion curves of codecs over lambda. A point is a training and its compressed file, measured from the file.
+// Rate-distortion curves of codecs over lambda. A point is a training and its compressed file, measured from the file;
+// codecs that code the same training (HAC-plus that of HAC) share it.
 // Codecs are compared by the Bjontegaard delta (compmark/metric/bd_rate.hpp) of their best points: a point is left out
 // if another of the same codec has no more bytes and no less quality. That happens soon with photographs of changing
 // brightness.
@@ -18,6 +19,7 @@
 
 #include "../compmark/plain_page.hpp"
 #include "cell.hpp"
+#include "compmark/app/recipe_names.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/io/json_file.hpp"
 #include "compmark/metric/bd_rate.hpp"
@@ -28,6 +30,8 @@ namespace fidelity {
 [[nodiscard]] inline std::string curve_name(const Cell& cell, const Settings& settings) {
   return cell.scene.name + "_" + cell.codec + "_" + number_text(settings.rate_lambda);
 }
+/// The training whose model a point's file has: HAC-plus codes what was trained for HAC.
+[[nodiscard]] inline Cell training_of(const Cell& cell) { return {cell.scene, compmark::trained_codec(cell.codec)}; }
 [[nodiscard]] inline nlohmann::ordered_json curve_settings_json(const Cell& cell, const Settings& settings) {
   nlohmann::ordered_json json = settings_json(cell, settings);
   json["schema"] = "compmark.rate-distortion-cell.1";
@@ -45,6 +49,7 @@ struct CurvePoint {
   std::optional<double> lpips;  ///< AlexNet
   double bytes = 0;             ///< all of them: networks, settings and the test views' cameras too
   double seconds = 0;           ///< of the training
+  std::optional<double> encode_seconds, decode_seconds;  ///< of the file, as they were when it was made
   std::size_t anchors = 0, views = 0;
 };
 
@@ -68,6 +73,11 @@ struct CurvePoint {
     point.anchors = coded.at("anchors").get<std::size_t>();
     point.views = test.at("views").get<std::size_t>();
     point.seconds = json->at("train_seconds").get<double>();
+    const auto timed = [&](const char* name, std::optional<double>& seconds) {
+      if (coded.contains(name)) seconds = coded.at(name).get<double>();
+    };
+    timed("encode_seconds", point.encode_seconds);
+    timed("decode_seconds", point.decode_seconds);
   } catch (const nlohmann::json::exception& problem) {
     return Error{ErrorKind::malformed,
                  file.string(),
@@ -129,34 +139,39 @@ template <class Quality, class Beaten>
   return names;
 }
 
-/// Every codec against the first of `codecs`, whichever points are there, scene by scene, by what no other point of
-/// theirs beats.
-[[nodiscard]] inline std::vector<CurveDelta> curve_deltas(const std::vector<CurvePoint>& points,
-                                                          const std::vector<std::string>& codecs) {
+/// `tested` against `reference` on a scene, by what no other point of theirs beats.
+[[nodiscard]] inline CurveDelta curve_delta(const std::vector<CurvePoint>& points, const std::string& scene,
+                                            const std::string& reference, const std::string& tested) {
   const auto psnr = [](const CurvePoint& point) { return point.psnr; };
   const auto ssim = [](const CurvePoint& point) { return point.ssim; };
+  CurveDelta delta{scene, reference, tested, {}, {}, {}, {}, {}};
+  const auto keep = [&](const char* name, Result<compmark::BdDelta> found, std::optional<compmark::BdDelta>& to) {
+    if (found)
+      to = *found;
+    else if (delta.problem.empty())
+      delta.problem = std::string(name) + ": " + found.error().line();
+  };
+  const auto front = [&](const std::string& codec, const char* name, auto&& quality) {
+    return front_of(points, scene, codec, quality, [&](const CurvePoint& point, const CurvePoint& better) {
+      delta.beaten.push_back(tool::format_text("%s %g by %g (%s)", codec.c_str(), point.lambda, better.lambda, name));
+    });
+  };
+  const auto of_reference = front(reference, "PSNR", psnr), of_tested = front(tested, "PSNR", psnr);
+  keep("BD-rate (PSNR)", compmark::bd_rate(of_reference, of_tested), delta.rate_psnr);
+  keep("BD-PSNR", compmark::bd_quality(of_reference, of_tested), delta.psnr);
+  const auto by_ssim = front(reference, "SSIM", ssim), tested_by_ssim = front(tested, "SSIM", ssim);
+  keep("BD-rate (SSIM)", compmark::bd_rate(by_ssim, tested_by_ssim), delta.rate_ssim);
+  return delta;
+}
+/// Every codec against each one before it in `codecs`, whichever points are there, scene by scene, by what no other
+/// point of theirs beats: all against the first, then those that follow the second against that, and so on.
+[[nodiscard]] inline std::vector<CurveDelta> curve_deltas(const std::vector<CurvePoint>& points,
+                                                          const std::vector<std::string>& codecs) {
   std::vector<CurveDelta> deltas;
   for (const std::string& scene : scene_names(points)) {
-    for (std::size_t c = 1; c < codecs.size(); ++c) {
-      CurveDelta delta{scene, codecs[0], codecs[c], {}, {}, {}, {}, {}};
-      const auto keep = [&](const char* name, Result<compmark::BdDelta> found, std::optional<compmark::BdDelta>& to) {
-        if (found)
-          to = *found;
-        else if (delta.problem.empty())
-          delta.problem = std::string(name) + ": " + found.error().line();
-      };
-      const auto front = [&](const std::string& codec, const char* name, auto&& quality) {
-        return front_of(points, scene, codec, quality, [&](const CurvePoint& point, const CurvePoint& better) {
-          delta.beaten.push_back(
-              tool::format_text("%s %g by %g (%s)", codec.c_str(), point.lambda, better.lambda, name));
-        });
-      };
-      const auto reference = front(codecs[0], "PSNR", psnr), tested = front(codecs[c], "PSNR", psnr);
-      keep("BD-rate (PSNR)", compmark::bd_rate(reference, tested), delta.rate_psnr);
-      keep("BD-PSNR", compmark::bd_quality(reference, tested), delta.psnr);
-      keep("BD-rate (SSIM)", compmark::bd_rate(front(codecs[0], "SSIM", ssim), front(codecs[c], "SSIM", ssim)),
-           delta.rate_ssim);
-      deltas.push_back(std::move(delta));
+    for (std::size_t r = 0; r < codecs.size(); ++r) {
+      for (std::size_t c = r + 1; c < codecs.size(); ++c)
+        deltas.push_back(curve_delta(points, scene, codecs[r], codecs[c]));
     }
   }
   return deltas;
@@ -164,15 +179,19 @@ template <class Quality, class Beaten>
 
 [[nodiscard]] inline tool::Table curve_table(const std::vector<CurvePoint>& points) {
   tool::Table table;
-  table.columns = {"scene, codec", "lambda",         "PSNR, dB", "SSIM",  "LPIPS-Alex",
-                   "bytes",        "as trained, dB", "anchors",  "views", "minutes"};
+  table.columns = {"scene, codec",   "lambda",  "PSNR, dB", "SSIM",    "LPIPS-Alex", "bytes",
+                   "as trained, dB", "anchors", "views",    "minutes", "encode, s",  "decode, s"};
+  const auto seconds = [](const std::optional<double>& value) {
+    return value ? tool::format_text("%.2f", *value) : std::string("–");
+  };
   for (const CurvePoint& point : points) {
     table.rows.push_back({point.scene.name + ", " + point.codec, tool::format_text("%g", point.lambda),
                           tool::format_text("%.2f", point.psnr), tool::format_text("%.4f", point.ssim),
                           point.lpips ? tool::format_text("%.4f", *point.lpips) : std::string("–"),
                           tool::format_text("%.0f", point.bytes), tool::format_text("%.2f", point.trained_psnr),
                           std::to_string(point.anchors), std::to_string(point.views),
-                          tool::format_text("%.1f", point.seconds / 60)});
+                          tool::format_text("%.1f", point.seconds / 60), seconds(point.encode_seconds),
+                          seconds(point.decode_seconds)});
   }
   return table;
 }
@@ -244,7 +263,10 @@ template <class Quality, class Beaten>
                               {"anchors", point.anchors},
                               {"views", point.views},
                               {"train_seconds", point.seconds}});
-    if (point.lpips) json["points"].back()["lpips_alex"] = *point.lpips;
+    nlohmann::ordered_json& one = json["points"].back();
+    if (point.lpips) one["lpips_alex"] = *point.lpips;
+    if (point.encode_seconds) one["encode_seconds"] = *point.encode_seconds;
+    if (point.decode_seconds) one["decode_seconds"] = *point.decode_seconds;
   }
   for (const CurveDelta& delta : curve_deltas(points, codecs)) {
     nlohmann::ordered_json one = {{"scene", delta.scene}, {"reference", delta.reference}, {"tested", delta.tested}};

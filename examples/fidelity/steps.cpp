@@ -27,6 +27,8 @@
 #include "../compmark/run_folder.hpp"
 #include "../compmark/run_telling.hpp"
 #include "../compmark/training_options.hpp"
+#include "coding.hpp"
+#include "curves.hpp"
 #include "fitted.hpp"
 #include "measure.hpp"
 #include "stopping.hpp"
@@ -164,7 +166,7 @@ Result<Done> FunctionSteps::check(Step step, const Cell& cell, const Settings& s
     return Done{};
   };
   const fs::path folder = cell.folder(settings);
-  if (step == Step::evaluate) return Done{};
+  if (step == Step::evaluate || step == Step::compress) return Done{};
   if (step == Step::embed) return outcome(embedding(cell, settings, folder));
   if (step == Step::fit_codec) return outcome(codec_fit(cell, settings, folder));
   return outcome(training(step, cell, settings, folder));
@@ -185,6 +187,11 @@ Result<bool> FunctionSteps::take(Step step, const Cell& cell, const Settings& se
   try {
     if (step == Step::evaluate) {
       if (Result<Done> measured = measure_cell(cell, settings); !measured) return measured.error();
+      return true;
+    }
+    if (step == Step::compress) {
+      const fs::path trained = settings.out / curve_name(training_of(cell), settings);
+      if (Result<Done> coded = code_trained(cell, settings, trained, folder); !coded) return coded.error();
       return true;
     }
     if (step == Step::embed) return run(embedding(cell, settings, folder), compmark::embed_message, said);

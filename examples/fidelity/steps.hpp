@@ -14,6 +14,7 @@ namespace fidelity {
 enum class Step {
   train_marked,    ///< a model for a codec, and a message in it
   train_coded,     ///< the same without a message
+  compress,        ///< a file of what was trained so for another codec (training_of)
   train_unmarked,  ///< a model without a codec, in unmarked_folder()
   fit_codec,       ///< the codec of a cell, to that model
   embed,           ///< a message in the model of the codec's file
@@ -25,6 +26,8 @@ enum class Step {
     case Step::train_marked:
     case Step::train_coded:
       return "train";
+    case Step::compress:
+      return "compress";
     case Step::train_unmarked:
       return "host";
     case Step::fit_codec:

@@ -163,6 +163,10 @@ TEST_CASE("container/own_codec: a codec of one's own is written, read and descri
   CHECK(info->anchors == 60);
   CHECK(info->bytes_of(PlainCodec::rows) > 0);
   CHECK(std::string(codec_name<Codecs>(info->header.profile)) == "plain");
+  const auto names = Codecs::names();
+  const auto shipped = ShippedCodecs::names();
+  CHECK(std::string(names.back()) == "plain");
+  CHECK(std::equal(shipped.begin(), shipped.end(), names.begin(), names.end() - 1));
 
   const CodecModel hac = testing::make_codec_model(5, {.anchors = 60});  // the others are in the list as before
   CHECK(encode_cmk<Codecs>(hac, {}, executor)->bytes == encode_cmk(hac, {}, executor)->bytes);

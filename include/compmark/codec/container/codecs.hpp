@@ -15,6 +15,7 @@
 // same bytes at any thread count; K3 a file with one changed bit is refused, or salvaged where the settings ask for it.
 #pragma once
 
+#include <array>
 #include <concepts>
 #include <cstddef>
 #include <optional>
@@ -105,6 +106,11 @@ template <Codec First, Codec... Rest>
 struct CodecList {
   template <class Added>
   using With = CodecList<First, Rest..., Added>;
+
+  /// In the order of the list.
+  [[nodiscard]] static constexpr std::array<const char*, 1 + sizeof...(Rest)> names() {
+    return {First::name, Rest::name...};
+  }
 
   /// use.template operator()<C>() of the codec whose files have this number in their header.
   template <class Use>
