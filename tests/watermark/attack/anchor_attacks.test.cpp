@@ -126,7 +126,7 @@ TEST_CASE("attack/anchor_attacks: a cut-out is a ball, and another seed cuts ano
   for (const std::size_t middle : left) {
     double farthest = 0, nearest = std::numeric_limits<double>::infinity();
     for (std::size_t row = 0; row < Anchors::rows; ++row) {
-      const double distance = detail::squared_distance(position, row, middle);
+      const double distance = squared_distance(position, row, middle);
       if (std::binary_search(left.begin(), left.end(), row)) {
         farthest = std::max(farthest, distance);
       } else {
@@ -162,7 +162,7 @@ TEST_CASE("attack/anchor_attacks: merged anchors are means of near ones, the oth
       bool mean = true;
       for (std::size_t k = 0; k < 3; ++k)
         mean = mean && after(row, k) == 0.5f * position(a, k) + 0.5f * position(other, k);
-      if (mean) distance = std::sqrt(detail::squared_distance(position, a, other));
+      if (mean) distance = std::sqrt(squared_distance(position, a, other));
     }
     CHECK(distance >= 0);
     apart.push_back(distance);
