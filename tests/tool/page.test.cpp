@@ -118,10 +118,12 @@ TEST_CASE(
     // What it proves beyond its p-value is no matter of a page that its owner makes.
     if (line.rfind("DETECTED, conditionally", 0) == 0) line.replace(0, 23, "DETECTED");
     if (line.rfind("standing", 0) == 0) continue;
+    if (line.rfind("try ", 0) == 0) continue;  // what else could be read of it is none, either
     const bool labelled = line.compare(10, 2, "  ") == 0;
     CHECK(page.find(">" + (labelled ? line.substr(12) : line) + "<") != std::string::npos);
   }
-  CHECK(sentences == (said.find("\nstanding ") == std::string::npos ? 5 : 6));
+  const auto has = [&](const char* label) { return said.find(label) == std::string::npos ? 0u : 1u; };
+  CHECK(sentences == 5 + has("\nstanding ") + has("\ntry "));
 
   for (const char* part : {"<h2>Training of the unmarked model</h2>", "href=\"../plain/report.html\"",
                            "<h2>Hiding the message</h2>", "<h2>Bytes by section</h2>", ">unmarked.cmk<"}) {

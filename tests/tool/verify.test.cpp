@@ -259,7 +259,7 @@ TEST_CASE("tool: a model's renders are read from its own cameras") {
   const nlohmann::json ways = json_of(at("pruned.json"));
   CHECK(ways["test"]["tests_counted"] == 4);
   CHECK(outcome.text.find("try         --pruned") != std::string::npos);
-  CHECK(pruned.text.find("try         ") == std::string::npos);
+  CHECK(pruned.text.find("try         --unmarked MODEL --restored") != std::string::npos);
   CHECK(ways["matches"] >= json["matches"]);
   CHECK(ways["missing_share"].get<double>() <= 0.5);
   CHECK(json.count("missing_share") == 0);
@@ -267,6 +267,7 @@ TEST_CASE("tool: a model's renders are read from its own cameras") {
   const Outcome restored = tool(arguments + " --restored --unmarked " + at("run/model.safetensors"));
   check_no_mark(restored);
   CHECK(restored.text.find(" anchors of the unmarked model are in the model\n") != std::string::npos);
+  CHECK(restored.text.find("try         ") == std::string::npos);
   check_refused(tool(arguments + " --restored"), {"--restored", "--unmarked"});
   check_refused(tool("verify" + s.with(at("renders")) + " --restored --unmarked " + at("run/model.safetensors")),
                 {"--restored", "images"});
