@@ -25,16 +25,32 @@
 #include "small_models.hpp"
 #include "support/tool.hpp"
 
+namespace {
+
+/// A model that nobody marked, and a decoder, on disk.
+struct VerifyFiles {
+  compmark::testing::ScratchFolder folder;
+  compmark::ThreadExecutor executor{2};
+  compmark::ReadingSettings reading;
+  VerifyFiles(const char* name, int bits) : folder(name) {
+    using namespace compmark;
+    reading.model = folder.path / "model.safetensors";
+    reading.decoder = folder.path / "decoder.safetensors";
+    const auto model = testing::small_model<recipes::Scaffold>();
+    REQUIRE(write_model(reading.model, model, testing::small_info("scaffold")).ok());
+    testing::write_decoder(reading.decoder, bits);
+  }
+};
+
+}  // namespace
+
 TEST_CASE("app/verify: the report is the verification of what is read, for the key's message") {
   using namespace compmark;
   constexpr int message_bits = 32;
-  const testing::ScratchFolder folder("compmark-app-verify");
-  ThreadExecutor executor(2);
-  ReadingSettings reading;
-  reading.model = folder.path / "model.safetensors";
-  reading.decoder = folder.path / "decoder.safetensors";
-  REQUIRE(write_model(reading.model, testing::small_model<recipes::Scaffold>(), testing::small_info("scaffold")).ok());
-  testing::write_decoder(reading.decoder, message_bits);
+  VerifyFiles files("compmark-app-verify", message_bits);
+  const testing::ScratchFolder& folder = files.folder;
+  ThreadExecutor& executor = files.executor;
+  ReadingSettings& reading = files.reading;
   const Result<Reading> read = read_messages(reading, std::nullopt, executor);
   REQUIRE(read.ok());
   // Nobody marked this model: that bits of many keys are not in it is the control of the verdict.
@@ -76,13 +92,10 @@ TEST_CASE("app/verify: the report is the verification of what is read, for the k
 TEST_CASE("app/verify: a model that may lack anchors is read in four ways, as four tests, and the best is told") {
   using namespace compmark;
   constexpr int message_bits = 24;
-  const testing::ScratchFolder folder("compmark-app-pruned");
-  ThreadExecutor executor(2);
-  ReadingSettings reading;
-  reading.model = folder.path / "model.safetensors";
-  reading.decoder = folder.path / "decoder.safetensors";
-  REQUIRE(write_model(reading.model, testing::small_model<recipes::Scaffold>(), testing::small_info("scaffold")).ok());
-  testing::write_decoder(reading.decoder, message_bits);
+  VerifyFiles files("compmark-app-pruned", message_bits);
+  const testing::ScratchFolder& folder = files.folder;
+  ThreadExecutor& executor = files.executor;
+  ReadingSettings& reading = files.reading;
   for (int number = 1; number <= 6; ++number) {
     const OwnerKey key = testing::small_key(number, message_bits);
     const Result<VerificationReport> best = verify_pruned(key, reading, VerifySettings{}, executor);

@@ -65,8 +65,14 @@ inline Result<Done> read_renders(const ReadingSettings& settings, const FileDeco
     unmarked = std::move(*loaded);
   }
   if (settings.restored) {
-    Result<AnyModel> whole = AnyModel::open(settings.unmarked, executor);
+    // A second copy, since the first is read as it is.
+    std::string again;
+    Result<AnyModel> whole = AnyModel::open(settings.unmarked, executor, &again);
     if (!whole) return whole.error();
+    if (again != reading.sources.unmarked_sha256) {
+      return Error{ErrorKind::invalid, settings.unmarked.string(), "--unmarked", "was changed while it was read",
+                   "read it again when nobody writes it"};
+    }
     Result<RestoredFeatures> restored = restore_features(whole->arena(), std::as_const(model->arena()));
     if (!restored) return detail::named(restored.error(), settings.model);
     reading.restored = *restored;

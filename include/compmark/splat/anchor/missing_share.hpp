@@ -6,8 +6,8 @@
 // itself, so that together it covers what the whole did:
 //   scale' = scale (1 - s)^-1/2        opacity' = 1 - (1 - opacity)^(1 / (1 - s))
 // A message is read better from such renders of a pruned model (docs/verification.md). No picture is repaired by it: it
-// is blurred where nothing was lost. There is no backward pass: a mark that is learned in such renders is read no better
-// (docs/notebook/watermark_experiments.md).
+// is blurred where nothing was lost. There is no backward pass: a mark that was learned with what is left enlarged was read no
+// better (docs/notebook/watermark_experiments.md).
 // Cost: a power a Gaussian.
 #pragma once
 

