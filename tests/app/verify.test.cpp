@@ -9,12 +9,10 @@
 #include <compmark/io/safetensors.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <compmark/splat/training/model_file.hpp>
-#include <compmark/watermark/attack/model_attacks.hpp>
 #include <compmark/watermark/decoder/carrier_decoder.hpp>
 #include <compmark/watermark/decoder/decoder_file.hpp>
 #include <compmark/watermark/decoder/input_convention.hpp>
 #include <compmark/watermark/proof/key.hpp>
-#include <compmark/watermark/proof/restored_features.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -32,13 +30,13 @@ struct VerifyFiles {
   compmark::testing::ScratchFolder folder;
   compmark::ThreadExecutor executor{2};
   compmark::ReadingSettings reading;
-  VerifyFiles(const char* name, int bits) : folder(name) {
+  VerifyFiles(const char* name, int message_length) : folder(name) {
     using namespace compmark;
     reading.model = folder.path / "model.safetensors";
     reading.decoder = folder.path / "decoder.safetensors";
     const auto model = testing::small_model<recipes::Scaffold>();
     REQUIRE(write_model(reading.model, model, testing::small_info("scaffold")).ok());
-    testing::write_decoder(reading.decoder, bits);
+    testing::write_decoder(reading.decoder, message_length);
   }
 };
 
@@ -136,54 +134,6 @@ TEST_CASE("app/verify: a model that may lack anchors is read in four ways, as fo
   const Error none = verify_files(testing::small_key(1, message_bits), reading, VerifySettings{}, executor).error();
   CHECK(none.field == "missing_share");
   CHECK(none.file == reading.model.string());
-}
-
-TEST_CASE("app/verify: a model is put back together in the unmarked one, and that is read less the unmarked one") {
-  using namespace compmark;
-  using R = recipes::Scaffold;
-  constexpr int message_bits = 24;
-  const testing::ScratchFolder folder("compmark-app-restored");
-  ThreadExecutor executor(2);
-  const ModelInfo info = testing::small_info("scaffold");
-  const Model<R> unmarked = testing::small_model<R>();
-  Model<R> suspected = unmarked, whole = unmarked;
-  std::size_t n = 0;
-  const Random random(4, 0, random_stage("test/restored"));
-  for (float& feature : suspected.arena.values(suspected.anchors.feature).flat())
-    feature += static_cast<float>(0.3 * random.normal(n++));
-  REQUIRE(attack_model<ModelAttacks>("prune:0.4", suspected.arena, 5).ok());
-  const Result<RestoredFeatures> found = restore_features(whole.arena, suspected.arena);
-  REQUIRE(found.ok());
-  REQUIRE(found->found < found->anchors);
-  for (float& size : suspected.arena.values(suspected.anchors.scaling).flat()) size += 0.4f;  // a thief's own numbers
-  const auto path = [&](const char* name) { return folder.path / name; };
-  REQUIRE(write_model(path("unmarked.safetensors"), unmarked, info).ok());
-  REQUIRE(write_model(path("suspected.safetensors"), suspected, info).ok());
-  REQUIRE(write_model(path("whole.safetensors"), whole, info).ok());
-  ReadingSettings reading;
-  reading.decoder = path("decoder.safetensors");
-  testing::write_decoder(reading.decoder, message_bits);
-  reading.unmarked = path("unmarked.safetensors");
-  const OwnerKey key = testing::small_key(1, message_bits);
-  const auto read = [&](const char* name, bool restored) {
-    reading.model = path(name);
-    reading.restored = restored;
-    const Result<VerificationReport> report = verify_files(key, reading, VerifySettings{}, executor);
-    REQUIRE(report.ok());
-    return *report;
-  };
-  const VerificationReport together = read("suspected.safetensors", true), expected = read("whole.safetensors", false),
-                           torn = read("suspected.safetensors", false);
-  CHECK(together.verification.fused == expected.verification.fused);
-  CHECK(together.restored == *found);
-  CHECK(together.verification.settings.tries == 1);
-  CHECK(together.sources.model_sha256 == torn.sources.model_sha256);
-  CHECK_FALSE(torn.restored.has_value());
-  CHECK(torn.verification.fused != expected.verification.fused);  // the control
-
-  reading.restored = true;
-  reading.unmarked.clear();
-  CHECK(verify_files(key, reading, VerifySettings{}, executor).error().field == "--restored");
 }
 
 TEST_CASE("app/verify: either way gives the reading with more matches, as two tests, and says which it is") {
