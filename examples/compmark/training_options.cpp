@@ -36,7 +36,7 @@ void bind_training(Options& app, TrainOptions& options) {
   app.word("--recipe", options.settings.recipe,
            "scaffold (with +mask, +alpha, +alpha+antialiasing, +antialiasing, "
            "+antialiasing+mask, +lens, +fisheye, +exposure, +exposure+mask, +farfield or "
-           "+exposure+farfield), hac or context_gs (with +mask, +alpha or +exposure), "
+           "+exposure+farfield), hac or context_gs (with +mask, +alpha, +exposure or +exposure+mask), "
            "compmark-host or compmark-paper-host (default: chosen from the data or the profile)");
   app.word("--codec", options.settings.codec,
            "codec to train for: none, hac, context_gs, or hac_plus, which trains as hac and writes a smaller file; a "

@@ -72,6 +72,7 @@
 #include "compmark/codec/model/coded_context.hpp"
 #include "compmark/codec/model/coded_model.hpp"
 #include "compmark/codec/model/coded_views.hpp"
+#include "compmark/codec/model/grid_anchors.hpp"
 #include "compmark/codec/model/step_bias_calibration.hpp"
 #include "compmark/codec/rate/anchor_rate_model.hpp"
 #include "compmark/codec/rate/concept.hpp"

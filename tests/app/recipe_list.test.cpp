@@ -38,8 +38,9 @@ TEST_CASE("app/recipe_list: every name that models are read as has a type, and t
 }
 
 TEST_CASE("app/recipe_list: a recipe that trains is read as one that renders the same") {
-  for (const std::string name : {"scaffold+mask", "scaffold+alpha", "scaffold+antialiasing+mask",
-                                 "scaffold+alpha+antialiasing", "scaffold+exposure+mask", "compmark-paper-host"}) {
+  for (const std::string name :
+       {"scaffold+mask", "scaffold+alpha", "scaffold+antialiasing+mask", "scaffold+alpha+antialiasing",
+        "scaffold+exposure+mask", "scaffold+exposure+farfield", "compmark-paper-host"}) {
     CAPTURE(name);
     const Result<Kind> trained = with_recipe(name, OrError(kind_of)),
                        read = with_reading_recipe(name, OrError(kind_of));
@@ -47,7 +48,8 @@ TEST_CASE("app/recipe_list: a recipe that trains is read as one that renders the
     REQUIRE(read.ok());
     CHECK(*trained == *read);
   }
-  for (const std::string effect : {"+mask", "+alpha", "+exposure", "+fitted", "+fitted+mask", "+fitted+exposure"}) {
+  for (const std::string effect : {"+mask", "+alpha", "+exposure", "+exposure+mask", "+fitted", "+fitted+mask",
+                                   "+fitted+exposure", "+fitted+exposure+mask"}) {
     CAPTURE(effect);
     CHECK(with_hac_recipe("hac" + effect, OrError(kind_of)).ok());
     CHECK(with_context_gs_recipe("context_gs" + effect, OrError(kind_of)).ok());

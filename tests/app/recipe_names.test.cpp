@@ -20,13 +20,35 @@ TEST_CASE("app/recipe_names: what training alone needs is no part of the recipe 
   CHECK(reading_recipe("scaffold+antialiasing+mask") == "scaffold+antialiasing");
   CHECK(reading_recipe("hac+alpha") == "hac");
   CHECK(reading_recipe("scaffold+exposure") == "scaffold+exposure");
+  CHECK(reading_recipe("scaffold+exposure+farfield") == "scaffold+exposure");
+  CHECK(reading_recipe("scaffold+alpha+antialiasing") == "scaffold+antialiasing");
   CHECK(marking_recipe("hac+fitted+exposure") == "hac+fitted");
 }
 
 TEST_CASE("app/recipe_names: a message is hidden in plain models and in those of the codecs") {
-  for (const char* name :
-       {"scaffold", "scaffold+mask", "scaffold+exposure", "hac", "hac+fitted", "context_gs+fitted+mask"})
+  for (const char* name : {"scaffold", "scaffold+mask", "scaffold+exposure+farfield", "hac+exposure+mask", "hac+fitted",
+                           "context_gs+fitted+mask", "explicit"}) {
     CHECK_MESSAGE(is_markable_recipe(name), name);
-  for (const char* name : {"scaffold+lens", "scaffold+farfield", "compmark-host", "hac+lens", ""})
-    CHECK_MESSAGE(!is_markable_recipe(name), name);
+    CHECK_MESSAGE(is_fittable_recipe(name), name);
+  }
+  for (const char* name : {"scaffold+lens", "scaffold+fisheye", "scaffold+alpha+antialiasing"}) {
+    CHECK_MESSAGE(is_markable_recipe(name), name);
+    CHECK_MESSAGE(!is_fittable_recipe(name), name);
+    CHECK_MESSAGE(!can_be_fitted(name), name);
+  }
+  for (const char* name : {"compmark-host", "hac+lens", ""}) CHECK_MESSAGE(!is_markable_recipe(name), name);
+}
+
+TEST_CASE("app/recipe_names: a codec is fitted to what renders as scaffold does, a far field and its exposures too") {
+  for (const char* name : {"scaffold", "scaffold+alpha", "scaffold+exposure+mask", "scaffold+exposure+farfield"})
+    CHECK_MESSAGE(can_be_fitted(name), name);
+  for (const char* name : {"scaffold+antialiasing", "hac", "hac+fitted", "compmark-host", "explicit"})
+    CHECK_MESSAGE(!can_be_fitted(name), name);
+}
+
+TEST_CASE("app/recipe_names: a message trains together with three recipes") {
+  for (const char* name : {"scaffold", "scaffold+mask", "scaffold+alpha"})
+    CHECK_MESSAGE(marks_while_training(name), name);
+  for (const char* name : {"scaffold+exposure", "scaffold+farfield", "scaffold+antialiasing", "explicit"})
+    CHECK_MESSAGE(!marks_while_training(name), name);
 }

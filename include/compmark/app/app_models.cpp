@@ -17,8 +17,6 @@ COMPMARK_APP_LOADS(ScaffoldAntiAliased);
 COMPMARK_APP_LOADS(ScaffoldLens);
 COMPMARK_APP_LOADS(ScaffoldFisheye);
 COMPMARK_APP_LOADS(ScaffoldExposure);
-COMPMARK_APP_LOADS(ScaffoldFarField);
-COMPMARK_APP_LOADS(ScaffoldFarFieldExposure);
 COMPMARK_APP_LOADS(Explicit);
 COMPMARK_APP_LOADS(CompMarkBase);
 COMPMARK_APP_LOADS(CompMarkPaperBase);

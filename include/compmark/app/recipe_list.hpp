@@ -32,16 +32,17 @@ inline Error unknown_recipe(std::string_view name) {
           "unknown recipe \"" + std::string(name) + "\"",
           "this tool knows scaffold, scaffold with +mask, +alpha, +antialiasing, +antialiasing+mask, "
           "+alpha+antialiasing, +lens, +fisheye, +exposure, +exposure+mask, +farfield or +exposure+farfield, "
-          "compmark-host, compmark-paper-host, and hac or context_gs, alone or with +mask, +alpha or +exposure"};
+          "compmark-host, compmark-paper-host, and hac or context_gs, alone or with +mask, +alpha, +exposure or "
+          "+exposure+mask"};
 }
 /// The Error of a name that is none of a recipe that trains for compression.
 inline Error not_coded(std::string_view name) {
-  return {
-      ErrorKind::invalid,
-      {},
-      "recipe",
-      "\"" + std::string(name) + "\" is not trained for compression",
-      "this tool compresses hac and context_gs, alone or with +mask, +alpha or +exposure, and what fit-codec makes"};
+  return {ErrorKind::invalid,
+          {},
+          "recipe",
+          "\"" + std::string(name) + "\" is not trained for compression",
+          "this tool compresses hac and context_gs, alone or with +mask, +alpha, +exposure or +exposure+mask, and what "
+          "fit-codec makes of scaffold, with +farfield too"};
 }
 
 template <class F>
@@ -70,9 +71,11 @@ auto with_hac_recipe(std::string_view name, F&& f) -> decltype(f(RecipeTag<recip
   if (name == "hac+mask") return f(RecipeTag<recipes::HacMasked>{});
   if (name == "hac+alpha") return f(RecipeTag<recipes::HacAlpha>{});
   if (name == "hac+exposure") return f(RecipeTag<recipes::HacExposure>{});
+  if (name == "hac+exposure+mask") return f(RecipeTag<recipes::HacExposureMasked>{});
   if (name == "hac+fitted") return f(RecipeTag<recipes::HacFitted>{});
   if (name == "hac+fitted+mask") return f(RecipeTag<recipes::HacFittedMasked>{});
   if (name == "hac+fitted+exposure") return f(RecipeTag<recipes::HacFittedExposure>{});
+  if (name == "hac+fitted+exposure+mask") return f(RecipeTag<recipes::HacFittedExposureMasked>{});
   return f.unknown(not_coded(name));
 }
 template <class F>
@@ -81,9 +84,11 @@ auto with_context_gs_recipe(std::string_view name, F&& f) -> decltype(f(RecipeTa
   if (name == "context_gs+mask") return f(RecipeTag<recipes::ContextGsMasked>{});
   if (name == "context_gs+alpha") return f(RecipeTag<recipes::ContextGsAlpha>{});
   if (name == "context_gs+exposure") return f(RecipeTag<recipes::ContextGsExposure>{});
+  if (name == "context_gs+exposure+mask") return f(RecipeTag<recipes::ContextGsExposureMasked>{});
   if (name == "context_gs+fitted") return f(RecipeTag<recipes::ContextGsFitted>{});
   if (name == "context_gs+fitted+mask") return f(RecipeTag<recipes::ContextGsFittedMasked>{});
   if (name == "context_gs+fitted+exposure") return f(RecipeTag<recipes::ContextGsFittedExposure>{});
+  if (name == "context_gs+fitted+exposure+mask") return f(RecipeTag<recipes::ContextGsFittedExposureMasked>{});
   return f.unknown(not_coded(name));
 }
 /// For commands that only read models: `f` is compiled once for all recipes that render alike.
@@ -109,8 +114,6 @@ auto with_reading_recipe(std::string_view name, F&& f) -> decltype(f(RecipeTag<r
   if (plain == "scaffold+lens") return f(RecipeTag<recipes::ScaffoldLens>{});
   if (plain == "scaffold+fisheye") return f(RecipeTag<recipes::ScaffoldFisheye>{});
   if (plain == "scaffold+exposure") return f(RecipeTag<recipes::ScaffoldExposure>{});
-  if (plain == "scaffold+farfield") return f(RecipeTag<recipes::ScaffoldFarField>{});
-  if (plain == "scaffold+exposure+farfield") return f(RecipeTag<recipes::ScaffoldFarFieldExposure>{});
   if (plain == "compmark-host") return f(RecipeTag<recipes::CompMarkBase>{});
   if (plain == "compmark-paper-host") return f(RecipeTag<recipes::CompMarkPaperBase>{});
   if (plain == "explicit") return f(RecipeTag<recipes::Explicit>{});  // what splat files are read as

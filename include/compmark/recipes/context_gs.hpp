@@ -28,9 +28,11 @@ struct ContextGsScaffold : ContextGs<WithShape<Scaffold, coded_shape>> {};
 struct ContextGsMasked : ContextGs<WithShape<ScaffoldMasked, coded_shape>> {};
 struct ContextGsAlpha : ContextGs<WithShape<ScaffoldAlpha, coded_shape>> {};
 struct ContextGsExposure : ContextGs<WithShape<ScaffoldExposure, coded_shape>> {};
+struct ContextGsExposureMasked : ContextGs<WithShape<ScaffoldExposureMasked, coded_shape>> {};
 
 struct ContextGsFitted : Fitted<ContextGs<Scaffold>> {};
 struct ContextGsFittedMasked : Fitted<ContextGs<ScaffoldMasked>> {};
 struct ContextGsFittedExposure : Fitted<ContextGs<ScaffoldExposure>> {};
+struct ContextGsFittedExposureMasked : Fitted<ContextGs<ScaffoldExposureMasked>> {};
 
 }  // namespace compmark::recipes

@@ -36,6 +36,7 @@ struct HacScaffold : Hac<WithShape<Scaffold, coded_shape>> {};
 struct HacMasked : Hac<WithShape<ScaffoldMasked, coded_shape>> {};
 struct HacAlpha : Hac<WithShape<ScaffoldAlpha, coded_shape>> {};
 struct HacExposure : Hac<WithShape<ScaffoldExposure, coded_shape>> {};
+struct HacExposureMasked : Hac<WithShape<ScaffoldExposureMasked, coded_shape>> {};
 
 /// A finished model and a codec that is fitted to it.
 template <class CodedRecipe>
@@ -45,5 +46,6 @@ struct Fitted : CodedRecipe {
 struct HacFitted : Fitted<Hac<Scaffold>> {};
 struct HacFittedMasked : Fitted<Hac<ScaffoldMasked>> {};
 struct HacFittedExposure : Fitted<Hac<ScaffoldExposure>> {};
+struct HacFittedExposureMasked : Fitted<Hac<ScaffoldExposureMasked>> {};
 
 }  // namespace compmark::recipes

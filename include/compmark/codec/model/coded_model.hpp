@@ -24,6 +24,7 @@
 #include "compmark/codec/container/codec_model.hpp"
 #include "compmark/codec/model/coded_context.hpp"
 #include "compmark/codec/model/coded_views.hpp"
+#include "compmark/codec/model/grid_anchors.hpp"
 #include "compmark/codec/rate/offset_mask.hpp"
 #include "compmark/codec/rate/stages/rate.hpp"
 #include "compmark/core/result.hpp"
@@ -55,13 +56,12 @@ template <Recipe R>
   for (std::size_t i = 0; i < model.anchor_count(); ++i) {
     Voxel voxel{};
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const double place = static_cast<double>(columns.position(i, axis)), cell = std::round(place / model.voxel_size);
-      // A float holds a place to 2^-24 of itself; beside that it may lie nowhere but on the grid.
-      if (!(std::abs(cell) < 0x1p31) ||
-          std::abs(place - cell * model.voxel_size) > 1e-3 * model.voxel_size + 0x1p-22 * std::abs(place)) {
+      const auto [cell, in_range, on_grid] =
+          detail::anchor_cell(static_cast<double>(columns.position(i, axis)), model.voxel_size);
+      if (!on_grid) {
         return detail::coded_error("anchor.position[" + std::to_string(i) + "]",
                                    "does not lie on the grid of cells of " + std::to_string(model.voxel_size),
-                                   "compress models that were trained here");
+                                   "fit a codec to it, which moves its anchors there: compmark fit-codec");
       }
       voxel[axis] = static_cast<std::int32_t>(cell);
     }
@@ -79,7 +79,7 @@ template <Recipe R>
   constexpr DecoderShape shape = R::AnchorModel::shape;
   if constexpr (present<typename R::Space>) {
     return detail::coded_error("space", "is contracted: its anchors do not lie on a grid, which is how they are coded",
-                               "train with a recipe without farfield");
+                               "fit a codec to it, which moves its anchors onto one: compmark fit-codec");
   }
   CodecModel coded;
   coded.voxel_size = model.voxel_size;

@@ -89,11 +89,17 @@ namespace detail {
 /// An error if plan.mark cannot be hidden in a finished model of plan.recipe; asked before hours of work.
 [[nodiscard]] inline Result<Done> can_mark_finished(const RunPlan& plan) {
   const bool coded = is_coded_recipe(plan.recipe);
-  const std::string marked = marking_recipe(plan.recipe);
   // In the loss of the photographs their exposures would have to train on.
-  const bool exposed_loss =
-      (marked != plan.recipe || plan.recipe == "explicit") && plan.mark.fidelity && *plan.mark.fidelity == 0;
-  if (exposed_loss || !is_markable_recipe(plan.recipe)) return no_message_in(plan.recipe);
+  const bool trains = plan.mark.fidelity && *plan.mark.fidelity == 0;
+  if (!is_markable_recipe(plan.recipe) || (trains && !coded && !marks_while_training(plan.recipe)))
+    return no_message_in(plan.recipe);
+  if (plan.mark.decoder.empty() && plan.mark.universal.empty() && !is_fittable_recipe(plan.recipe)) {
+    return Error{ErrorKind::unsupported,
+                 {},
+                 "--decoder",
+                 "is fit, but no decoder is fitted to a model of " + plan.recipe,
+                 "leave --decoder out: the decoder of the program reads every scene"};
+  }
   if (Result<Done> can = can_spread(plan); !can) return can.error();
   if (plan.mark.calibrate_steps && recipe_codec(plan.recipe) != std::string_view("context_gs")) {
     return Error{ErrorKind::unsupported,

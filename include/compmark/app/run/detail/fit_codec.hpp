@@ -43,13 +43,14 @@ namespace detail {
     return Error{ErrorKind::invalid, model.string(), "recipe", "\"" + recipe + "\" is already trained for a codec",
                  "write its file with compmark compress"};
   }
-  const bool mask = recipe.find("+mask") != std::string::npos, exposure = recipe == "scaffold+exposure";
-  if (reading_recipe(recipe) != "scaffold" && !exposure) {
-    return Error{ErrorKind::unsupported, model.string(), "recipe", "\"" + recipe + "\" cannot be fitted with a codec",
-                 "use scaffold, alone or with +mask, +alpha or +exposure; compmark train --codec "
-                 "trains others for "};
+  if (!can_be_fitted(recipe)) {
+    return Error{
+        ErrorKind::unsupported, model.string(), "recipe", "\"" + recipe + "\" cannot be fitted with a codec",
+        "use scaffold, alone or with +mask, +alpha, +exposure or +farfield: compmark train --for-fit-codec, and --lens "
+        "undistort in place of project; or compmark train --codec"};
   }
-  return codec + "+fitted" + (mask ? "+mask" : exposure ? "+exposure" : "");
+  return codec + "+fitted" + (recipe.find("+exposure") != std::string::npos ? "+exposure" : "") +
+         (recipe.find("+mask") != std::string::npos ? "+mask" : "");
 }
 
 }  // namespace detail

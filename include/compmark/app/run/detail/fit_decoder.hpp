@@ -74,11 +74,13 @@ COMPMARK_APP_INLINE Result<FittedDecoder> fit_decoder_file(DecoderFileSettings s
     return free.error();  // one may have ended
   const Result<ModelSource> source = ModelSource::open(settings.model, executor);
   if (!source) return source.error();
-  if (!is_markable_recipe(source->recipe)) {
-    return Error{ErrorKind::unsupported, settings.model.string(), "recipe",
-                 "\"" + source->recipe + "\" cannot carry a message",
-                 "give a model of scaffold, hac or context_gs, alone or with +mask, +alpha or "
-                 "+exposure, of fit-codec, or a splat file"};
+  if (!is_fittable_recipe(source->recipe)) {
+    return Error{
+        ErrorKind::unsupported, settings.model.string(), "recipe",
+        "\"" + source->recipe + "\" has no decoder of its own",
+        "hide the message with the decoder of the program (compmark embed without --decoder), or give a model "
+        "of scaffold, hac or context_gs, alone or with +mask, +alpha, +exposure or +farfield, of fit-codec, or "
+        "a splat file"};
   }
   const double begin = observer.seconds();
   const Result<DecoderFit<float>> fit = detail::fit_any_model(source->recipe, *source, settings, executor, observer);

@@ -22,7 +22,7 @@ COMPMARK_APP_INLINE Result<RunOutcome> run_any_plain(const RunPlan& plan, const 
 
 COMPMARK_APP_INLINE Result<RunOutcome> run_any_marked(const RunPlan& plan, const TrainSettings& settings,
                                                       const RunMark& mark) {
-  using recipes::Marked, recipes::WithLostAnchors;
+  using recipes::Marked, recipes::WithLostAnchors, recipes::FinishedOnly;
   if (plan.recipe == "scaffold") {
     if (mark.for_compression)
       return run_recipe<recipes::MarkedForCompression<recipes::Scaffold, MarkingDecoder>>(plan, settings, &mark);
@@ -46,6 +46,19 @@ COMPMARK_APP_INLINE Result<RunOutcome> run_any_marked(const RunPlan& plan, const
     return run_recipe<WithLostAnchors<Marked<recipes::ScaffoldMasked, MarkingDecoder>>>(plan, settings, &mark);
   if (plan.recipe == "scaffold+alpha")
     return run_recipe<WithLostAnchors<Marked<recipes::ScaffoldAlpha, MarkingDecoder>>>(plan, settings, &mark);
+  // Finished models of the others are marked as what they are read as.
+  const std::string plain = marking_recipe(reading_recipe(plan.recipe));
+  if (plain == "scaffold")
+    return run_recipe<FinishedOnly<WithLostAnchors<Marked<recipes::Scaffold, MarkingDecoder>>>>(plan, settings, &mark);
+  if (plain == "scaffold+antialiasing")
+    return run_recipe<FinishedOnly<WithLostAnchors<Marked<recipes::ScaffoldAntiAliased, MarkingDecoder>>>>(
+        plan, settings, &mark);
+  if (plain == "scaffold+lens")
+    return run_recipe<FinishedOnly<WithLostAnchors<Marked<recipes::ScaffoldLens, MarkingDecoder>>>>(plan, settings,
+                                                                                                    &mark);
+  if (plain == "scaffold+fisheye")
+    return run_recipe<FinishedOnly<WithLostAnchors<Marked<recipes::ScaffoldFisheye, MarkingDecoder>>>>(plan, settings,
+                                                                                                       &mark);
   return no_message_in(plan.recipe);
 }
 

@@ -60,9 +60,9 @@ inline constexpr const char* splat_file_name = "marked.ply";
           {},
           "--recipe",
           "\"" + recipe + "\" cannot carry a message in this tool",
-          "this tool marks scaffold, hac and context_gs, alone or with +mask or +alpha, compmark-host and "
-          "compmark-paper-host with a decoder that is there (--decoder), and finished models with +exposure, of "
-          "fit-codec and of splat files too: train with one of them (--recipe)"};
+          "this tool marks finished models of every recipe that is named scaffold, hac or context_gs, of fit-codec and "
+          "of splat files; a message trains together with scaffold, hac and context_gs alone or with +mask or +alpha, "
+          "and with compmark-host and compmark-paper-host (--decoder)"};
 }
 
 /// Holds the run's folder, as soon as something is written into it.

@@ -27,6 +27,7 @@
 #include "compmark/app/run/detail/run_steps.hpp"
 #include "compmark/codec/model/adopt_networks.hpp"
 #include "compmark/codec/model/coded_model.hpp"
+#include "compmark/codec/model/grid_anchors.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/thread_executor.hpp"
 #include "compmark/io/file_exists.hpp"
@@ -221,7 +222,9 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
   }
   if constexpr (is_fitted) {  // said now, and not when the file is written
     if (loaded) {
-      if (const auto voxels = anchor_voxels(loaded->model); !voxels) return in_file(voxels.error(), plan.model);
+      const Result<GridMoves> moves = move_onto_grid(loaded->model);
+      if (!moves) return in_file(moves.error(), plan.model);
+      if (moves->anchors > 0) plan.observer->on_note(told_moves(*moves, loaded->model.anchor_count()));
     }
   }
 
@@ -258,7 +261,8 @@ COMPMARK_ONCE Result<RunOutcome> run_recipe(const RunPlan& plan, const TrainSett
       return run_iterations<R>(embedding, *train, inputs, *before);
     }
   }
-  if constexpr (ExplicitModelRecipe<Source>) {  // has no photographs of its training to train on with
+  // Without photographs of its training, or of an effect that no message trains together with.
+  if constexpr (ExplicitModelRecipe<Source> || requires { R::is_of_finished_models; }) {
     return no_message_in(plan.recipe);
   } else {
     Trainer<R, ThreadExecutor> trainer(data.settings, train->size(), data.extent.radius, executor);

@@ -5,8 +5,8 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "compmark/app/recipe_names.hpp"
 #include "compmark/app/run/detail/run_loops.hpp"
@@ -14,27 +14,36 @@
 
 namespace compmark::detail {
 
-/// Whether exposures of photographs may train although a message is wanted. No recipe with a message has exposures, but
-/// post-hoc embedding marks the renders of a finished model, and these have none (marking_recipe).
-inline bool exposes(const TrainChoice& chosen) {
+/// Whether the message of this run, if it has one, is hidden in the finished model. Effects of photographs are no
+/// matter to it then: it marks renders, and these have no exposure (marking_recipe).
+inline bool marks_finished_model(const TrainChoice& chosen) {
   if (!chosen.mark.wanted()) return true;
   return marks_afterwards(chosen) && (!chosen.mark.fidelity || *chosen.mark.fidelity > 0);
 }
 
-/// Three recipes can carry a message; an effect that none of them has is left out with a note.
+/// Leaves an effect out of what the model simulates, and says why.
+inline void leave_out(TrainChoice& chosen, const char* effect, const std::string& why) {
+  if (std::erase(chosen.simulated, effect) != 0)
+    chosen.notes.push_back(std::string("effect ") + effect + " is left out: " + why);
+}
+
+/// A finished model of every recipe can be marked; but a message that trains together with the scene has three recipes,
+/// and a decoder is not fitted to those with anti-aliasing. An effect that is in the way is left out with a note.
 inline void leave_out_unmarked(TrainChoice& chosen) {
   if (chosen.recipe.rfind("scaffold+", 0) != 0) return;
-  const auto names = [&](const char* part) { return chosen.recipe.find(part) != std::string::npos; };
-  const bool exposure = names("+exposure") && exposes(chosen);
-  const std::string recipe = std::string("scaffold") + (exposure ? "+exposure" : "") +
-                             (names("mask")     ? "+mask"
-                              : names("+alpha") ? "+alpha"
-                                                : "");
-  if (recipe == chosen.recipe) return;
-  for (const char* effect : {"exposure", "anti_aliasing", "far_field"}) {
-    if (exposure && effect == std::string_view("exposure")) continue;
-    if (std::erase(chosen.simulated, effect) != 0)
-      chosen.notes.push_back(std::string("effect ") + effect + " is left out: no recipe with a message has it");
+  std::string recipe = chosen.recipe;
+  if (marks_finished_model(chosen)) {
+    const bool fits = chosen.mark.decoder.empty() && chosen.mark.universal.empty();
+    if (!fits || recipe.find("+antialiasing") == std::string::npos) return;
+    recipe = without_effects(std::move(recipe), {"+antialiasing"});
+    leave_out(chosen, "anti_aliasing", "no decoder is fitted to a model that has it; that of the program needs no fit");
+  } else {
+    const auto names = [&](const char* part) { return chosen.recipe.find(part) != std::string::npos; };
+    recipe = std::string("scaffold") + (names("mask") ? "+mask" : names("+alpha") ? "+alpha" : "");
+    if (recipe == chosen.recipe) return;
+    for (const char* effect : {"exposure", "anti_aliasing", "far_field"})
+      leave_out(chosen, effect,
+                "no message trains together with it; compmark embed marks finished models that have it");
   }
   chosen.recipe = recipe;
   chosen.notes.push_back("recipe " + recipe);
@@ -85,23 +94,18 @@ inline Result<Done> choose_codec(TrainChoice& chosen, bool recipe_given) {
                  "leave out --recipe and --profile"};
   }
   const auto names = [&](const char* part) { return chosen.recipe.find(part) != std::string::npos; };
-  // Masks before exposure: what a lens left empty must not count.
   const bool alpha = names("+alpha"), mask = !alpha && names("mask"),
-             exposure = !alpha && !mask && names("+exposure") && exposes(chosen);
-  chosen.recipe = (chosen.for_fit_codec ? "scaffold" : trained) + (alpha      ? "+alpha"
-                                                                   : exposure ? "+exposure"
-                                                                   : mask     ? "+mask"
-                                                                              : "");
-  for (const auto& [effect, kept] :
-       {std::pair{"alpha", alpha}, std::pair{"masks", mask}, std::pair{"exposure", exposure},
-        std::pair{"anti_aliasing", false}, std::pair{"far_field", false}}) {
-    if (kept || std::erase(chosen.simulated, effect) == 0) continue;
-    chosen.notes.push_back(std::string("effect ") + effect + " is left out: no recipe for this run has it" +
-                           (mask && std::string_view(effect) == "exposure"
-                                ? " together with a mask. A lens calls for one; colmap image_undistorter takes the "
-                                  "lens out (docs/capture.md)"
-                                : ""));
-  }
+             exposure = !alpha && names("+exposure") && marks_finished_model(chosen),
+             far_field = chosen.for_fit_codec && names("+farfield");
+  chosen.recipe = (chosen.for_fit_codec ? "scaffold" : trained) + (alpha ? "+alpha" : "") +
+                  (exposure ? "+exposure" : "") + (mask ? "+mask" : "") + (far_field ? "+farfield" : "");
+  for (const auto& [effect, kept] : {std::pair{"alpha", alpha}, std::pair{"masks", mask},
+                                     std::pair{"exposure", exposure}, std::pair{"anti_aliasing", false}})
+    if (!kept) leave_out(chosen, effect, "no recipe for this run has it");
+  if (!far_field)
+    leave_out(chosen, "far_field",
+              "no model trains for a codec with it; without --codec it is trained, and compmark fit-codec compresses "
+              "that model");
   chosen.notes.push_back("recipe " + chosen.recipe);
   return Done{};
 }
