@@ -99,6 +99,10 @@ TEST_CASE("tool/every_recipe: what a recipe cannot have is said before an iterat
       tool("fit-codec --model " + trained("scaffold+lens") + " --data " + files().scene + " --out " + at("none")),
       {"scaffold+lens", "--lens undistort"});
   CHECK_FALSE(fs::exists(at("none")));
+  const std::string short_run = "train --iterations 1 --voxel-size 0.2 --data " + files().scene;
+  const std::string said = "no codec compresses it";
+  CHECK(done(short_run + " --effects anti_aliasing --out " + at("noted")).text.find(said) != std::string::npos);
+  CHECK(done(short_run + " --effects far_field --out " + at("not-noted")).text.find(said) == std::string::npos);
   const testing::Outcome coded = tool(
       "train --codec hac --effects far_field,exposure --voxel-size 0.2 "
       "--iterations 20 --data " +
@@ -107,6 +111,18 @@ TEST_CASE("tool/every_recipe: what a recipe cannot have is said before an iterat
   REQUIRE(coded.code == 0);
   CHECK(coded.text.find("far_field is left out") != std::string::npos);
   CHECK(coded.text.find("fit-codec compresses") != std::string::npos);
+}
+
+TEST_CASE("tool/every_recipe: train --key keeps the effects of the capture, and a message in its training does not") {
+  const std::string run = "train --effects far_field,exposure --voxel-size 0.2 --iterations 20 --data " +
+                          files().scene + " --key " + files().key + " --decoder " + files().decoder + " --out ";
+  const testing::Outcome kept = done(run + at("kept") + " --fidelity 300 --mark-iterations 3");
+  CHECK(kept.text.find("is left out") == std::string::npos);
+  CHECK(json_of(at("kept/unmarked/results.json"))["recipe"] == "scaffold+exposure+farfield");
+  CHECK(json_of(at("kept/results.json"))["recipe"] == "scaffold+farfield");
+  const testing::Outcome beside = done(run + at("beside"));
+  CHECK(beside.text.find("far_field is left out: no message trains together with it") != std::string::npos);
+  CHECK(json_of(at("beside/results.json"))["recipe"] == "scaffold");
 }
 
 TEST_CASE("tool/every_recipe: exposures and masks train together for a codec, and the file of the model is marked") {

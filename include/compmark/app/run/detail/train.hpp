@@ -181,6 +181,10 @@ COMPMARK_APP_INLINE Result<RunOutcome> train_scene(const TrainSceneSettings& wan
   if (Result<Done> fits = detail::choose_effects(chosen, executor); !fits) return fits.error();
   if (Result<Done> fits = detail::choose_codec(chosen, recipe_given); !fits) return fits.error();
   if (chosen.mark.wanted() && !recipe_given && !coded) detail::leave_out_unmarked(chosen);
+  if (!coded && is_markable_recipe(chosen.recipe) && !can_be_fitted(chosen.recipe))
+    chosen.notes.push_back("a model of " + chosen.recipe + " can be marked, but no codec compresses it; " +
+                           (projects_lens(chosen.recipe) ? "--lens undistort" : "--for-fit-codec") +
+                           " trains one that can be");
   if (coded) {
     if (detail::is_published_profile(chosen.profile)) *settings = for_codec(*settings);
     settings->rate.lambda = chosen.rate_lambda;
