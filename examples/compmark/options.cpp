@@ -96,6 +96,7 @@ constexpr GroupedOption grouped_options[] = {
     {"--fidelity-fall", expert_group},
     {"--sample-by-loss", expert_group},
     {"--orbit", expert_group},
+    {"--photographs", expert_group},
     {"--edits", expert_group},
     {"--lost-anchors", expert_group},
     {"--calibrate-steps", expert_group},

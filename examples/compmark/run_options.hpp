@@ -32,7 +32,7 @@ void add_splat_up(Options& app, std::optional<std::array<double, 3>>& up, const 
 void add_recipient(Options& app, std::size_t& recipient);
 
 /// --bits, --key, --recipient, --decoder, --period, --tone, --unmarked, --message-weight, --message-margin,
-/// --message-power, --message-rate, --step-rate, --fidelity, --fidelity-fall, --sample-by-loss, --orbit, --edits,
+/// --message-power, --message-rate, --step-rate, --fidelity, --fidelity-fall, --sample-by-loss, --orbit, --photographs, --edits,
 /// --lost-anchors, --spread, --calibrate-steps, --message-every, --for-compression
 void add_mark_options(Options& app, compmark::MarkSettings& options, bool required);
 

@@ -98,6 +98,10 @@ TEST_CASE("tool/every_recipe: what a recipe cannot have is said before an iterat
   check_refused(
       tool("fit-codec --model " + trained("scaffold+lens") + " --data " + files().scene + " --out " + at("none")),
       {"scaffold+lens", "--lens undistort"});
+  // Photographs are looked at where they are what renders are to be.
+  check_refused(tool(embed(trained("scaffold+exposure+farfield")) + " --decoder " + files().decoder +
+                     " --photographs 0.3 --out " + at("none")),
+                {"--photographs", "scaffold+exposure+farfield"});
   CHECK_FALSE(fs::exists(at("none")));
   const std::string short_run = "train --iterations 1 --voxel-size 0.2 --data " + files().scene;
   const std::string said = "no codec compresses it";

@@ -575,7 +575,7 @@ TEST_CASE("tool: bad input to a marked training is one line, and nothing is writ
   for (const char* name : {"--message-power", "--message-margin", "--message-rate", "--message-weight", "--fidelity"}) {
     CHECK(tool(common + setting().mark() + " " + name + " nan").code != 0);
   }
-  for (const char* name : {"--fidelity-fall", "--sample-by-loss", "--orbit"}) {
+  for (const char* name : {"--fidelity-fall", "--sample-by-loss", "--orbit", "--photographs"}) {
     const Outcome outcome = tool(common + setting().mark() + " --fidelity 3000 " + name + " nan");
     CHECK(outcome.code != 0);
     CHECK(outcome.text.find(name) != std::string::npos);

@@ -312,6 +312,7 @@ TEST_CASE("app/run/embed: what cannot be marked, or not in this way, is refused 
   };
   CHECK(field_of_baseline([](MarkSettings& m) { m.fidelity = 100; }) == "--fidelity");
   CHECK(field_of_baseline([](MarkSettings& m) { m.orbit = 0.5; }) == "--orbit");
+  CHECK(field_of_baseline([](MarkSettings& m) { m.photographs = 0.5; }) == "--photographs");
   CHECK(field_of_baseline([](MarkSettings& m) { m.margin = 2; }) == "--message-margin");
   CHECK(field_of_baseline([](MarkSettings& m) { m.lost_anchors = 0.5; }) == "--lost-anchors");
   CHECK(field_of_baseline([](MarkSettings& m) { m.spread = 50; }) == "--spread");

@@ -192,6 +192,7 @@ TEST_CASE("app/run/train: wrong settings are refused before anything is written"
   refused("--spread", [](TrainSceneSettings& s) { s.mark.spread = 50; });
   refused("--sample-by-loss", [](TrainSceneSettings& s) { s.mark.by_cost = 1; });
   refused("--orbit", [](TrainSceneSettings& s) { s.mark.orbit = 0.5; });
+  refused("--photographs", [](TrainSceneSettings& s) { s.mark.photographs = 0.3; });
   refused("--calibrate-steps", [](TrainSceneSettings& s) { s.mark.calibrate_steps = 50; });
   refused("--fidelity", [](TrainSceneSettings& s) { s.mark.fidelity = 100; });
   TrainSceneSettings keyless = scene.training("run");

@@ -54,8 +54,8 @@ struct ChangeOne {
     all(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, f10, f11);
   }
   void operator()(PosthocSettings& posthoc) {
-    auto& [f0, f1, f2, f3, f4, f5] = posthoc;
-    all(f0, f1, f2, f3, f4, f5);
+    auto& [f0, f1, f2, f3, f4, f5, f6] = posthoc;
+    all(f0, f1, f2, f3, f4, f5, f6);
   }
   void operator()(HsvSettings& hsv) {
     auto& [lambda, as_written, source, after] = hsv;

@@ -48,6 +48,7 @@ struct MarkSettings {
   std::optional<double> fall;          ///< power by which the fidelity falls with the distance from the photographs
   std::optional<double> by_cost;       ///< share of the draw of cameras that follows what the message costs there
   std::optional<double> orbit;         ///< share of the sampled views that orbit a training view
+  std::optional<double> photographs;   ///< share of the readings that are held to a photograph
   std::optional<double> edits;         ///< share of the readings before which the render is edited (CommonEdits)
   std::optional<double> lost_anchors;  ///< largest share of the anchors that is left out of a reading
   /// PSNR of a spread mark of the same key (app/spread.hpp) that is hidden in a finished model before the message, dB.
@@ -59,8 +60,8 @@ struct MarkSettings {
   /// unmarked model.
   [[nodiscard]] bool wanted() const {
     return bits != 0 || !key.empty() || recipient != 0 || !decoder.empty() || !unmarked.empty() || period || tone ||
-           weight || margin || power || rate || step_rate || fidelity || fall || by_cost || orbit || edits ||
-           lost_anchors || spread || calibrate_steps || message_every != 1 || for_compression;
+           weight || margin || power || rate || step_rate || fidelity || fall || by_cost || orbit || photographs ||
+           edits || lost_anchors || spread || calibrate_steps || message_every != 1 || for_compression;
   }
 };
 

@@ -68,6 +68,10 @@ struct PosthocSettings {
   /// The share of the sampled views that is drawn by the message loss near them, 0 (by clearance alone) to 1.
   double draw_by_cost = 0;
   double orbit_share = 0;  ///< of the sampled views that orbit a training view; the others lie between neighbours
+  /// The share of the readings that are at a training view, where the fidelity is that to its photograph in place of the
+  /// unmarked render: what the mark takes from the scene there, it is taught to make up for. Needs views with
+  /// photographs (TrainingViews).
+  double photograph_share = 0;
   double lost_anchors =
       0;  ///< largest share of the anchors that is left out of a reading, where the recipe can do that
   /// Where the context reads ancestors (ContextGS): iterations between step-bias calibrations

@@ -74,6 +74,7 @@ template <class Json = nlohmann::json>
     if (m.posthoc.lost_anchors != 0) mark["lost_anchors"] = m.posthoc.lost_anchors;
     if (m.posthoc.draw_by_cost != 0) mark["draw_by_cost"] = m.posthoc.draw_by_cost;
     if (m.posthoc.orbit_share != 0) mark["orbit_share"] = m.posthoc.orbit_share;
+    if (m.posthoc.photograph_share != 0) mark["photograph_share"] = m.posthoc.photograph_share;
     if (m.posthoc.calibrate_steps_every != 0) mark["hold_steps_every"] = m.posthoc.calibrate_steps_every;
     mark["lambda_hsv"] = m.hsv.lambda;
     if (m.hsv.as_written) mark["hsv_as_written"] = true;  // as fidelity

@@ -69,6 +69,8 @@ class MarkPhases {
 
   /// The share of the sampled views that orbit a training view.
   [[nodiscard]] double orbit_share() const { return numbers_.posthoc.orbit_share; }
+  /// The share of the readings that are held to a photograph.
+  [[nodiscard]] double photograph_share() const { return numbers_.posthoc.photograph_share; }
 
   /// Whether iteration t reads a view between the training views too, and the weight of what it reads.
   [[nodiscard]] bool reads_between(std::int64_t t) const {

@@ -3,13 +3,14 @@
 //
 // Readings of a message in sampled novel views (scene/novel_view.hpp): a message needs no photograph. `read` adds its
 // gradients to those of the photographed view of an iteration. `read_held` also renders the unmarked model there and
-// adds the loss of the difference (PosthocSettings::fidelity). Cost: a render, a reading and the backward pass; for
-// `read_held` one render more.
+// adds the loss of the difference (PosthocSettings::fidelity); `read_photographed` reads at a training view and adds
+// the difference to its photograph. Cost: a render, a reading and the backward pass; for `read_held` one render more.
 #pragma once
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <type_traits>
 #include <vector>
 
@@ -33,6 +34,8 @@ template <Recipe R>
 struct Model;
 template <Recipe R>
 class Pipeline;
+template <Recipe R>
+class TrainingTarget;
 struct ForwardReport;
 template <class Decoder>
 class MessageStage;
@@ -47,11 +50,12 @@ struct ReadingReport {
 };
 
 namespace detail {
-/// fidelity * mean (image - unmarked)^2: its gradient into d_image (set), the mean returned; zeros at a fidelity of
-/// 0.
+/// fidelity * mean w (image - target)^2: its gradient into d_image (set), the mean returned; zeros at a fidelity of 0.
+/// `weight` has a number for each pixel of a plane, or is empty: 1.
 template <class Scalar, Executor E>
-double square_distortion(ImageView<const Scalar> image, ImageView<const Scalar> unmarked, Scalar fidelity,
-                         ImageView<Scalar> d_image, Buffer<double>& sums, E& executor) {
+double square_distortion(ImageView<const Scalar> image, ImageView<const Scalar> target, Scalar fidelity,
+                         ImageView<Scalar> d_image, Buffer<double>& sums, E& executor,
+                         std::span<const Scalar> weight = {}) {
   constexpr std::size_t grain = 1 << 14;
   sums.resize(chunk_count(image.size(), grain));
   if (!(fidelity > Scalar(0))) {
@@ -60,17 +64,24 @@ double square_distortion(ImageView<const Scalar> image, ImageView<const Scalar> 
     });
     return 0;
   }
-  COMPMARK_ASSERT(unmarked.size() == image.size(), "message_loss: the unmarked render is of another size");
+  COMPMARK_ASSERT(target.size() == image.size(), "message_loss: the image to be held to is of another size");
   const Scalar slope = Scalar(2) * fidelity / static_cast<Scalar>(image.size());
-  executor.for_chunks(image.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
-    double sum = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      const Scalar difference = image.data[i] - unmarked.data[i];
-      d_image.data[i] = slope * difference;
-      sum += static_cast<double>(difference) * static_cast<double>(difference);
-    }
-    sums[begin / grain] = sum;
-  });
+  const auto measure = [&](const auto& counts) {
+    executor.for_chunks(image.size(), grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+      double sum = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        const Scalar difference = image.data[i] - target.data[i], counted = counts(i) * difference;
+        d_image.data[i] = slope * counted;
+        sum += static_cast<double>(counted) * static_cast<double>(difference);
+      }
+      sums[begin / grain] = sum;
+    });
+  };
+  if (weight.empty()) {
+    measure([](std::size_t) { return Scalar(1); });
+  } else {
+    measure([&](std::size_t i) { return weight[i % weight.size()]; });
+  }
   double sum = 0;
   for (const double of_chunk : sums) sum += of_chunk;
   return sum / static_cast<double>(image.size());
@@ -78,17 +89,18 @@ double square_distortion(ImageView<const Scalar> image, ImageView<const Scalar> 
 }  // namespace detail
 
 /// The loss of a render without a photograph, in place of Pipeline::loss. context.d_image is set from the message loss,
-/// by the weight of the forward pass. With a weight `fidelity` above 0 the mean square difference to `unmarked`,
-/// the unmarked render of the same view, is added.
+/// by the weight of the forward pass. With a weight `fidelity` above 0 the mean square difference to `target`, the
+/// unmarked render or the photograph of the same view, is added; pixels count by `counts`, if it is not empty.
 template <Recipe R, Executor E>
-ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageView<const typename R::Scalar> unmarked,
-                           typename Pipeline<R>::Context& context, E& executor) {
+ReadingReport message_loss(const Pipeline<R>& pipeline, double fidelity, ImageView<const typename R::Scalar> target,
+                           typename Pipeline<R>::Context& context, E& executor,
+                           std::span<const typename R::Scalar> counts = {}) {
   using Scalar = typename R::Scalar;
   pipeline.begin_loss(context);
   ReadingReport report;
   report.distortion =
-      detail::square_distortion<Scalar>(context.image, unmarked, static_cast<Scalar>(fidelity), context.d_image,
-                                        context.template of<MessageStage>().distortion, executor);
+      detail::square_distortion<Scalar>(context.image, target, static_cast<Scalar>(fidelity), context.d_image,
+                                        context.template of<MessageStage>().distortion, executor, counts);
   const auto& phase = context.phases.template of<MessageStage>();
   const double weight = phase.weight;
   const MessageReport read = pipeline.template stage<MessageStage>().pull(
@@ -132,7 +144,7 @@ class NovelViewReading {
   auto read(const Pipeline<R>& pipeline, Model<R>& model, const Views& views, std::size_t view, std::uint64_t seed,
             std::int64_t t, const MarkPhases& schedule, const Phases& phases, E& executor) {
     const ViewCamera<R> camera = sampled_camera(views, view, seed, t, schedule);
-    return read_at(pipeline, model, camera, view, without_photograph(phases), schedule.novel_view_weight(t), 0,
+    return read_at(pipeline, model, camera, view, without_photograph(phases), schedule.novel_view_weight(t), 0, {}, {},
                    executor);
   }
 
@@ -151,7 +163,24 @@ class NovelViewReading {
     unmarked_storage_.resize(context_.image.size());
     std::copy_n(context_.image.data, context_.image.size(), unmarked_storage_.data());
     return read_at(pipeline, model, camera, view, marked, schedule.novel_view_weight(t),
-                   fidelity(views, camera, schedule), executor);
+                   fidelity(views, camera, schedule), this->unmarked(), {}, executor);
+  }
+
+  /// The same at training view `view` itself, with the loss of the difference to its photograph, which `target` is
+  /// filled with. An Error of the views (no photograph) leaves nothing read.
+  template <class Views, Executor E>
+  auto read_photographed(const Pipeline<R>& pipeline, Model<R>& model, Views& views, std::size_t view, std::int64_t t,
+                         const MarkPhases& schedule, const Phases& phases, TrainingTarget<R>& target, E& executor)
+      -> Result<ForwardReport>
+    requires(can_be_held)
+  {
+    const ViewCamera<R> camera = views.camera(view);
+    const Phases marked = without_photograph(phases);
+    report_ = {};
+    const auto behind = Pipeline<R>::background(model.render, marked);
+    if (Result<Done> loaded = target.load(views, view, camera, behind); !loaded) return loaded.error();
+    return read_at(pipeline, model, camera, view, marked, schedule.novel_view_weight(t),
+                   fidelity(views, camera, schedule), target.image(), target.weight(), executor);
   }
 
   [[nodiscard]] const ReadingReport& report() const { return report_; }           ///< of the last reading
@@ -183,12 +212,13 @@ class NovelViewReading {
   }
   template <Executor E>
   auto read_at(const Pipeline<R>& pipeline, Model<R>& model, const ViewCamera<R>& camera, std::size_t view,
-               Phases phases, double weight, double held, E& executor) {
+               Phases phases, double weight, double held, ImageView<const Scalar> target,
+               std::span<const Scalar> counts, E& executor) {
     phases.template of<MessageStage>().weight = weight;
     const auto report = pipeline.forward(model, camera, view, context_, executor, phases);
     report_ = {};
     if (report.raster.error) return report;
-    report_ = message_loss(pipeline, held, unmarked(), context_, executor);
+    report_ = message_loss(pipeline, held, target, context_, executor, counts);
     pipeline.backward(model, camera, view, context_, executor);
     return report;
   }

@@ -3,10 +3,11 @@
 //
 // Post-hoc embedding: hides a message in a finished model, which stays as it is. One iteration samples a view near a
 // training view, renders it with the mark and without, reads the message, and moves the embedder's residual alone:
-// towards the message, by MessageSettings::lambda, and towards the unmarked render, by PosthocSettings::fidelity. No
-// photograph is looked at; cameras are. In place of the published loss, which trains the model with the message
-// (Trainer). Deterministic: the state after iteration t is a function of the settings, the model, the cameras and t.
-// Cost an iteration: two renders, a reading, one backward pass.
+// towards the message, by MessageSettings::lambda, and towards the unmarked render, by PosthocSettings::fidelity. A
+// share of the iterations (PosthocSettings::photograph_share) reads a training view instead and is held to its
+// photograph; without one no photograph is looked at, only cameras are. In place of the published loss, which trains the
+// model with the message (Trainer). Deterministic: the state after iteration t is a function of the settings, the model,
+// the views and t. Cost an iteration: two renders (one with a photograph), a reading, one backward pass.
 #pragma once
 
 #include <algorithm>
@@ -20,6 +21,7 @@
 #include "compmark/core/absent.hpp"
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
+#include "compmark/core/random.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/splat/export/explicit_splats.hpp"
@@ -31,6 +33,8 @@
 #include "compmark/splat/training/settings.hpp"
 #include "compmark/splat/training/step_calibration.hpp"
 #include "compmark/splat/training/training_loop.hpp"
+#include "compmark/splat/training/training_target.hpp"
+#include "compmark/splat/training/training_views.hpp"
 #include "compmark/watermark/embed/mark_phases.hpp"
 #include "compmark/watermark/embed/novel_view_reading.hpp"
 #include "compmark/watermark/embed/stages/embedder.hpp"
@@ -39,7 +43,7 @@
 namespace compmark {
 
 /// `settings.mark` and `settings.rate` say all; the other learning rates have no meaning here. Views need camera(i) and
-/// size() alone.
+/// size() alone, and with a photograph_share what TrainingViews asks for.
 template <Recipe R, Executor E>
 class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   using Loop = TrainingLoop<PosthocEmbedding<R, E>, R, E>;
@@ -95,11 +99,11 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   }
 
   /// One iteration. An iteration that does not read (MessageSettings::novel_view_every) changes nothing. An Error comes
-  /// from a view that shows more than the rasterizer has memory for (RasterReport::error), and leaves the state where
-  /// it was.
+  /// from a view that shows more than the rasterizer has memory for (RasterReport::error), or whose photograph cannot be
+  /// read, and leaves the state where it was.
   template <class Views>
-  [[nodiscard]] Result<IterationReport> step(const Views& views) {
-    static_assert(Loop::template has_cameras_of_recipe<const Views>,
+  [[nodiscard]] Result<IterationReport> step(Views& views) {
+    static_assert(Loop::template has_cameras_of_recipe<Views>,
                   "PosthocEmbedding: this recipe projects through a lens, so views.camera(i) must return LensCamera "
                   "(see scene/lens_camera.hpp)");
     IterationReport report;
@@ -109,8 +113,9 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
     this->set_phases(report.iteration);
     this->prepare_model(report.iteration, state_.model);
     report.rendered = schedule_.reads_between(report.iteration);
-    if (report.rendered) read(views, report);
-    if (report.forward.raster.error) return std::move(*report.forward.raster.error);
+    if (report.rendered) {
+      if (Result<Done> done = read(views, report); !done) return done.error();
+    }
     state_.iteration = report.iteration;
     return report;
   }
@@ -118,23 +123,46 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   [[nodiscard]] const State& state() const { return state_; }
   /// What the message cost and what was read of it in the last reading, and its views.
   [[nodiscard]] const NovelViewReading<R>& reading() const { return reading_; }
-  /// The marked render of the last reading, and the unmarked one of the same view.
+  /// The marked render of the last reading, and what it was held to: the unmarked one of the same view, or a photograph.
   [[nodiscard]] ImageView<const Scalar> image() const { return reading_.image(); }
-  [[nodiscard]] ImageView<const Scalar> target() const { return reading_.unmarked(); }
-  /// Empty: every pixel counts.
-  [[nodiscard]] std::span<const Scalar> weight() const { return {}; }
+  [[nodiscard]] ImageView<const Scalar> target() const {
+    return photographed_ ? photograph_.image() : reading_.unmarked();
+  }
+  /// How much each pixel of it counts; empty: every pixel does.
+  [[nodiscard]] std::span<const Scalar> weight() const {
+    return photographed_ ? photograph_.weight() : std::span<const Scalar>();
+  }
 
  private:
+  /// Whether iteration t is held to a photograph.
+  [[nodiscard]] bool looks_at_photograph(std::int64_t t) const {
+    const double share = schedule_.photograph_share();
+    return share > 0 &&
+           Random(settings_.seed, static_cast<std::uint64_t>(t), random_stage("photographed")).uniform(0) < share;
+  }
+
   template <class Views>
-  void read(const Views& views, IterationReport& report) {
+  [[nodiscard]] Result<Done> read(Views& views, IterationReport& report) {
     Model<R>& model = state_.model;
     const std::int64_t t = report.iteration;
     const double share = settings_.mark.posthoc.draw_by_cost;
     report.view = reading_.view_by_clearance(views, settings_.seed, t, state_.costs, share);
     if constexpr (present<StepCalibration<R>>) calibrate_steps(t);
-    report.forward =
-        reading_.read_held(pipeline_, model, views, report.view, settings_.seed, t, schedule_, phases_, *executor_);
-    if (report.forward.raster.error) return;
+    photographed_ = looks_at_photograph(t);
+    if (photographed_) {
+      if constexpr (TrainingViews<Views, Scalar>) {
+        Result<ForwardReport> done = reading_.read_photographed(pipeline_, model, views, report.view, t, schedule_,
+                                                                phases_, photograph_, *executor_);
+        if (!done) return done.error();
+        report.forward = std::move(*done);
+      } else {
+        COMPMARK_ASSERT(false, "PosthocEmbedding: a photograph_share needs views that load photographs");
+      }
+    } else {
+      report.forward =
+          reading_.read_held(pipeline_, model, views, report.view, settings_.seed, t, schedule_, phases_, *executor_);
+    }
+    if (report.forward.raster.error) return std::move(*report.forward.raster.error);
     const BlockHandle residual = model.template blocks<EmbedderStage>().residual;
     if constexpr (ExplicitModelRecipe<R>) {  // what the file that is written will not have carries nothing
       if constexpr (R::Embedder::target == AnchorAttribute::feature)
@@ -151,6 +179,7 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
             .skipped_blocks;
     if (share > 0) state_.costs.add(report.view, views.size(), reading_.report().message);
     report.loss.total = reading_.report().total;
+    return Done{};
   }
 
   /// In the first reading, and in the first of every so many iterations.
@@ -169,6 +198,8 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   MarkPhases schedule_;
   State state_;
   NovelViewReading<R> reading_;
+  TrainingTarget<R> photograph_;
+  bool photographed_ = false;
 };
 
 }  // namespace compmark

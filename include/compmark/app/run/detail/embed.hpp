@@ -86,6 +86,14 @@ namespace detail {
   return check_spread_psnr(*plan.mark.spread, "--spread");
 }
 
+/// Whether a mark in a finished model can be held to its photographs too. There are none of a splat file; renders do not
+/// have their exposures; and what does not count in them has to be known to the recipe that marks it.
+[[nodiscard]] inline bool sees_photographs(const std::string& recipe) {
+  const auto names = [&](const char* part) { return recipe.find(part) != std::string::npos; };
+  if (recipe == "explicit" || names("+exposure")) return false;
+  return is_coded_recipe(recipe) || marks_while_training(recipe) || !(names("+mask") || names("+alpha"));
+}
+
 /// An error if plan.mark cannot be hidden in a finished model of plan.recipe; asked before hours of work.
 [[nodiscard]] inline Result<Done> can_mark_finished(const RunPlan& plan) {
   const bool coded = is_coded_recipe(plan.recipe);
@@ -99,6 +107,16 @@ namespace detail {
                  "--decoder",
                  "is fit, but no decoder is fitted to a model of " + plan.recipe,
                  "leave --decoder out: the decoder of the program reads every scene"};
+  }
+  if (plan.mark.photographs && *plan.mark.photographs > 0 && !sees_photographs(plan.recipe)) {
+    return Error{
+        ErrorKind::unsupported,
+        {},
+        "--photographs",
+        "is above 0, but no mark in a model of " + plan.recipe +
+            " is held to photographs: it has none, or they have exposures or parts that do not count, which the "
+            "mark knows nothing of",
+        "leave the option out"};
   }
   if (Result<Done> can = can_spread(plan); !can) return can.error();
   if (plan.mark.calibrate_steps && recipe_codec(plan.recipe) != std::string_view("context_gs")) {
@@ -232,6 +250,7 @@ class PassingFile {
     settings.mark.posthoc.fidelity = 1600;
     settings.mark.posthoc.draw_by_cost = 1;
     settings.mark.posthoc.orbit_share = 0.5;
+    if (sees_photographs(*recipe)) settings.mark.posthoc.photograph_share = 0.3;
     settings.mark.message.edited_share = 0.7;
   }
   settings.mark.residual.harmonics = plan.harmonics;

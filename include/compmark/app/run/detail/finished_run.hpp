@@ -35,7 +35,7 @@ struct OptionOfSetting {
   const char* setting;
   const char* option;
 };
-inline constexpr std::array<OptionOfSetting, 22> options_of_settings{{
+inline constexpr std::array<OptionOfSetting, 23> options_of_settings{{
     {"iterations", "--iterations"},
     {"seed", "--seed"},
     {"profile", "--profile"},
@@ -55,6 +55,7 @@ inline constexpr std::array<OptionOfSetting, 22> options_of_settings{{
     {"mark.fidelity_fall", "--fidelity-fall"},
     {"mark.draw_by_cost", "--sample-by-loss"},
     {"mark.orbit_share", "--orbit"},
+    {"mark.photograph_share", "--photographs"},
     {"mark.edited_share", "--edits"},
     {"mark.lost_anchors", "--lost-anchors"},
     {"mark.hold_steps_every", "--calibrate-steps"},

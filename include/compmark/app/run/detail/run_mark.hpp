@@ -89,7 +89,7 @@ inline void take_universal(MarkSettings& mark) {
 [[nodiscard]] inline Result<Done> check_held(const MarkSettings& options, double fidelity) {
   for (const auto& [number, name] :
        {std::pair(options.fall, "--fidelity-fall"), std::pair(options.by_cost, "--sample-by-loss"),
-        std::pair(options.orbit, "--orbit")}) {
+        std::pair(options.orbit, "--orbit"), std::pair(options.photographs, "--photographs")}) {
     if (!number) continue;
     if (fidelity > 0) continue;
     return Error{ErrorKind::unsupported,
@@ -174,6 +174,7 @@ inline void take_universal(MarkSettings& mark) {
   if (Result<Done> held = check_held(options, mark.posthoc.fidelity); !held) return held.error();
   if (options.by_cost) mark.posthoc.draw_by_cost = *options.by_cost;
   if (options.orbit) mark.posthoc.orbit_share = *options.orbit;
+  if (options.photographs) mark.posthoc.photograph_share = *options.photographs;
   if (options.edits) mark.message.edited_share = *options.edits;
   if (options.lost_anchors) mark.posthoc.lost_anchors = *options.lost_anchors;
   if (options.calibrate_steps) mark.posthoc.calibrate_steps_every = *options.calibrate_steps;

@@ -79,8 +79,9 @@ namespace detail {
   if (!mark.key.empty()) return Done{};
   for (const auto& [given, name] :
        {std::pair(mark.spread.has_value(), "--spread"), std::pair(mark.by_cost.has_value(), "--sample-by-loss"),
-        std::pair(mark.orbit.has_value(), "--orbit"), std::pair(mark.fall.has_value(), "--fidelity-fall"),
-        std::pair(mark.edits.has_value(), "--edits"), std::pair(mark.lost_anchors.has_value(), "--lost-anchors"),
+        std::pair(mark.orbit.has_value(), "--orbit"), std::pair(mark.photographs.has_value(), "--photographs"),
+        std::pair(mark.fall.has_value(), "--fidelity-fall"), std::pair(mark.edits.has_value(), "--edits"),
+        std::pair(mark.lost_anchors.has_value(), "--lost-anchors"),
         std::pair(mark.calibrate_steps.has_value(), "--calibrate-steps"),
         std::pair(mark.fidelity.has_value() && *mark.fidelity > 0, "--fidelity")}) {
     if (given) return Error{ErrorKind::invalid, {}, name, "needs a message to hide", "give --key"};
@@ -119,10 +120,11 @@ namespace detail {
                      ? "leave out --unmarked: this run trains the unmarked model too"
                      : "leave out --for-compression, which is for marks that train with the scene"};
   }
-  for (const auto& [given, name] :
-       {std::pair(chosen.mark.by_cost.has_value(), "--sample-by-loss"),
-        std::pair(chosen.mark.orbit.has_value(), "--orbit"), std::pair(chosen.mark.spread.has_value(), "--spread"),
-        std::pair(chosen.mark.calibrate_steps.has_value(), "--calibrate-steps")}) {
+  for (const auto& [given, name] : {std::pair(chosen.mark.by_cost.has_value(), "--sample-by-loss"),
+                                    std::pair(chosen.mark.orbit.has_value(), "--orbit"),
+                                    std::pair(chosen.mark.photographs.has_value(), "--photographs"),
+                                    std::pair(chosen.mark.spread.has_value(), "--spread"),
+                                    std::pair(chosen.mark.calibrate_steps.has_value(), "--calibrate-steps")}) {
     if (!given) continue;
     return Error{ErrorKind::unsupported,
                  {},
