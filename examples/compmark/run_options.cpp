@@ -101,7 +101,7 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
   app.number(
       "--photographs", options.photographs, share_range,
       "share of the iterations that look at a photograph in place of the unmarked render, so that the mark makes up "
-      "for a part of what it costs (default: 0.3 with the decoder of the program, where the photographs have no "
+      "for a part of what it costs (default: 0.5 with the decoder of the program, where the photographs have no "
       "exposures of their own, else 0)");
   app.number("--edits", options.edits, share_range,
              "share of the readings before which the render is edited, as pictures are on their way (resized, turned, "

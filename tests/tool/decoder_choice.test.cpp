@@ -56,7 +56,7 @@ TEST_CASE("tool: who names no decoder hides and reads with the one of every scen
   CHECK(mark["edited_share"] == 0.7);
   CHECK(mark["draw_by_cost"] == 1.0);
   CHECK(mark["orbit_share"] == 0.5);
-  CHECK(mark["photograph_share"] == 0.3);
+  CHECK(mark["photograph_share"] == 0.5);
   CHECK(mark["hinge_power"] == 2.0);
   const std::string key =
       " --key " + at("owner.key") + " --alpha 1e-3 --json " + at("proof.json") + testing::claimed(at("owner.key"));

@@ -250,7 +250,7 @@ class PassingFile {
     settings.mark.posthoc.fidelity = 1600;
     settings.mark.posthoc.draw_by_cost = 1;
     settings.mark.posthoc.orbit_share = 0.5;
-    if (sees_photographs(*recipe)) settings.mark.posthoc.photograph_share = 0.3;
+    if (sees_photographs(*recipe)) settings.mark.posthoc.photograph_share = 0.5;
     settings.mark.message.edited_share = 0.7;
   }
   settings.mark.residual.harmonics = plan.harmonics;
