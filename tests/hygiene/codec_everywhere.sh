@@ -17,7 +17,7 @@ for compiler in g++ clang++ clang++-14; do
   command -v "$compiler" >/dev/null 2>&1 || { echo "not here: $compiler"; continue; }
   case " ${seen:-} " in *" $("$compiler" --version | head -n 1) "*) continue ;; esac
   seen="${seen:-} $("$compiler" --version | head -n 1) "
-  "$compiler" -std=c++20 -O0 "$@" -c tests/main.cpp -o "$work/main.o"
+  $cached "$compiler" -std=c++20 -O0 "$@" -c tests/main.cpp -o "$work/main.o"
   for flags in "-O0" "-O3" "-O3 -march=native -ffp-contract=off" "-O3 -march=native -ffp-contract=fast"; do
     # shellcheck disable=SC2086 # the flags are words
     $cached "$compiler" -std=c++20 $flags "$@" -Itests -c tests/codec/container/golden.test.cpp -o "$work/golden.o"

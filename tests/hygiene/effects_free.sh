@@ -12,14 +12,19 @@ set -eu
 compiler=$1
 shift
 source=$(dirname "$0")/effect_step.cpp
-folder=$(mktemp -d)
+# Of one name beside the build, not a temporary one: a compiler cache knows the compilations then, twenty of them and the header that they read.
+folder=$PWD/effects_free
+rm -rf "$folder"
+mkdir "$folder"
+cached=$(command -v ccache || true)
+export CCACHE_SLOPPINESS=pch_defines,time_macros # without which it takes no precompiled header
 trap 'rm -rf "$folder"' EXIT
 bad=0
 
 build() { # name, command with macros...
   name=$1
   shift
-  "$@" -c "$source" -o "$folder/$name.o"
+  $cached "$@" -c "$source" -o "$folder/$name.o"
   "$compiler" "$folder/$name.o" -o "$folder/$name" -pthread
 }
 # Symbols without optimisation, where nothing is inlined out of sight; bits and instructions with it. No -march: valgrind does not know
@@ -33,14 +38,14 @@ symbols() {
 # What the source includes is read once for all of them, not twenty times. There is no step.hpp beside step.hpp.gch: were the latter refused, nothing
 # would compile.
 grep '^#include' "$source" >"$folder/includes.hpp"
-"$compiler" -std=c++20 -O0 "$@" -x c++-header "$folder/includes.hpp" -o "$folder/step.hpp.gch"
+$cached "$compiler" -std=c++20 -O0 "$@" -x c++-header "$folder/includes.hpp" -o "$folder/step.hpp.gch"
 object() { # name, recipe, "" or trainer, flags...
   object_name=$1
   object_recipe=$2
   object_part=${3:+-DEFFECT_TRAINER}
   shift 3
   # shellcheck disable=SC2086 # one word or none
-  "$compiler" -std=c++20 -O0 "$@" -include "$folder/step.hpp" $object_part -DEFFECT_RECIPE="$object_recipe" -c "$source" -o "$folder/$object_name.o"
+  $cached "$compiler" -std=c++20 -O0 "$@" -include "$folder/step.hpp" $object_part -DEFFECT_RECIPE="$object_recipe" -c "$source" -o "$folder/$object_name.o"
 }
 object bare Scaffold "" "$@"
 object bare_trainer Scaffold trainer "$@"
