@@ -7,6 +7,7 @@
 //
 //   reproduce_robustness --run DIR ... --out OUT [--key KEY] [--decoder FILE] [--unmarked FILE] [--copy MODEL ...]
 //     [--also NAME=MODEL ...] [--views N] [--informed-views N] [--picture A ...] [--model A ...] [--pgd A ...] [--pruned]
+//     [--restored]
 //
 // A run is a folder of compmark train or embed, or one with such folders in it. What is finished is not measured again:
 // every cell has a file in OUT/cells. OUT/robustness.csv, .json, .md and .html are written after each scene.
@@ -47,7 +48,7 @@ struct Options {
   fs::path out, key, decoder, unmarked;
   std::size_t views = 8, informed_views = 1, recipient = 0, threads = 0;
   std::uint64_t seed = 0;
-  bool pruned = false;
+  bool pruned = false, restored = false;
 };
 
 int fail(const Error& error) { return fidelity::fail(program, error); }
@@ -99,6 +100,10 @@ Result<std::vector<Scene>> scenes_of(const Options& options) {
         return Error{ErrorKind::invalid, folder.string(), "--run", "has the name of another", "rename the folder"};
       scenes.push_back(std::move(*scene));
     }
+  }
+  if (options.restored && options.unmarked.empty()) {
+    return Error{
+        ErrorKind::invalid, {}, "--restored", "needs the unmarked model", "give --unmarked, or leave --restored out"};
   }
   if (scenes.size() > 1 && !(options.unmarked.empty() && options.copies.empty() && options.also.empty()))
     return Error{ErrorKind::invalid, {}, "--unmarked, --copy, --also", "are of one scene", "give one --run"};
@@ -160,6 +165,7 @@ Result<Done> measure(const Scene& scene, const std::vector<Row>& rows, const Opt
   settings.seed = options.seed;
   settings.recipient = options.recipient;
   settings.pruned = options.pruned;
+  settings.restored = options.restored;
   const Result<Json> identity = identity_of(scene, settings);
   if (!identity) return identity.error();
   std::optional<compmark::RobustnessBench> bench;
@@ -199,7 +205,8 @@ int run(int argc, char** argv) {
   app.add_option("--key", options.key, "the owner's key (default: owner.key in the run's folder or above it)");
   app.add_option("--recipient", options.recipient, "whose copies the models are, where the key has recipients");
   app.add_option("--decoder", options.decoder, tool::reading_decoder_text);
-  app.add_option("--unmarked", options.unmarked, "the unmarked model, for informed reading and for averaging");
+  app.add_option("--unmarked", options.unmarked,
+                 "the unmarked model, for informed reading, for averaging and for --restored");
   app.add_option("--copy", options.copies, "copies with other marks, for collusion");
   app.add_option("--also", options.also, "NAME=MODEL: a model that a thief made of it: marked again, trained on");
   app.add_option("--picture", options.pictures, "attacks on pictures, as jpeg:50, in place of all rows");
@@ -212,6 +219,8 @@ int run(int argc, char** argv) {
   app.add_option("--seed", options.seed, "of attacks that draw random numbers")->capture_default_str();
   app.add_flag("--pruned", options.pruned,
                "read attacked models as verify --pruned does, in four ways; p-values are corrected for them");
+  app.add_flag("--restored", options.restored,
+               "read attacked models also as verify --restored does, put back together in the --unmarked one");
   app.add_option("--threads", options.threads, "0: all; the result is the same for any number")
       ->capture_default_str()
       ->check(tool::in_range(tool::thread_range));

@@ -183,9 +183,17 @@ struct Judged {
   std::string report;
 };
 
-Result<Judged> judged(const compmark_reading& reading, bool reported, ThreadExecutor& executor) {
+Result<Judged> judged(const compmark_reading& reading, bool restored, bool reported, ThreadExecutor& executor) {
   Result<ReadingSettings> settings = settings_of(reading);
   if (!settings) return settings.error();
+  settings->restored = restored;
+  if (restored && (settings->model.empty() || settings->unmarked.empty())) {
+    return Error{ErrorKind::invalid,
+                 {},
+                 settings->model.empty() ? "model" : "unmarked",
+                 "is missing, and a model is put back together in the unmarked one",
+                 "give both, or call compmark_verify"};
+  }
   VerifySettings test;
   test.false_positive_rate = reading.false_positive_rate;
   test.tries = reading.tests;
@@ -225,6 +233,28 @@ Result<Judged> judged(const compmark_reading& reading, bool reported, ThreadExec
     result.report = json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
   }
   return result;
+}
+
+/// compmark_verify and compmark_verify_restored.
+int verified(compmark_session* session, const compmark_reading* reading, bool restored, compmark_verdict* verdict,
+             char** report) {
+  if (report != nullptr) *report = nullptr;
+  if (session == nullptr) return -1;
+  const auto done = guarded(session, [&]() -> Result<Done> {
+    if (reading == nullptr) return missing("reading");
+    if (verdict == nullptr) return missing("verdict");
+    Result<Judged> result = judged(*reading, restored, report != nullptr, session->executor);
+    if (!result) return result.error();
+    if (report != nullptr) {
+      auto* const text = static_cast<char*>(std::malloc(result->report.size() + 1));
+      if (text == nullptr) throw std::bad_alloc();
+      std::memcpy(text, result->report.c_str(), result->report.size() + 1);
+      *report = text;
+    }
+    *verdict = result->verdict;
+    return Done{};
+  });
+  return done ? 0 : -1;
 }
 
 }  // namespace
@@ -351,23 +381,11 @@ void compmark_reading_init(compmark_reading* reading) {
 
 int compmark_verify(compmark_session* session, const compmark_reading* reading, compmark_verdict* verdict,
                     char** report) {
-  if (report != nullptr) *report = nullptr;
-  if (session == nullptr) return -1;
-  const auto done = guarded(session, [&]() -> Result<Done> {
-    if (reading == nullptr) return missing("reading");
-    if (verdict == nullptr) return missing("verdict");
-    Result<Judged> result = judged(*reading, report != nullptr, session->executor);
-    if (!result) return result.error();
-    if (report != nullptr) {
-      auto* const text = static_cast<char*>(std::malloc(result->report.size() + 1));
-      if (text == nullptr) throw std::bad_alloc();
-      std::memcpy(text, result->report.c_str(), result->report.size() + 1);
-      *report = text;
-    }
-    *verdict = result->verdict;
-    return Done{};
-  });
-  return done ? 0 : -1;
+  return verified(session, reading, false, verdict, report);
+}
+int compmark_verify_restored(compmark_session* session, const compmark_reading* reading, compmark_verdict* verdict,
+                             char** report) {
+  return verified(session, reading, true, verdict, report);
 }
 void compmark_text_free(char* text) { std::free(text); }
 

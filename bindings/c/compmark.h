@@ -114,6 +114,12 @@ COMPMARK_API void compmark_reading_init(compmark_reading* reading);
 /* `report`, if not NULL, becomes the report of `compmark verify --json`, to be freed by compmark_text_free. */
 COMPMARK_API int compmark_verify(compmark_session* session, const compmark_reading* reading, compmark_verdict* verdict,
                                  char** report);
+/* The same of a model that somebody tore: the features that are left of reading->model are read in reading->unmarked,
+ * anchor by anchor, as `compmark verify --restored` does. An error without either, or where no anchor is one of the
+ * unmarked model's. The report has "restored": how many anchors there are, how many were found, and how often what they
+ * carry was raised. */
+COMPMARK_API int compmark_verify_restored(compmark_session* session, const compmark_reading* reading,
+                                          compmark_verdict* verdict, char** report);
 COMPMARK_API void compmark_text_free(char* text);
 
 #if defined(__cplusplus)

@@ -5,7 +5,7 @@
  * in the model and in pictures in memory, and asks for what must be refused. Prints what failed; the status is the
  * number of failures.
  * test report KEY CMK: prints the report of a reading without options, or why there is none and exits with 2. `test
- * report-any KEY CMK`: the same with any_decoder. */
+ * report-any KEY CMK`: the same with any_decoder. `test restored KEY MODEL UNMARKED`: that of compmark_verify_restored. */
 #include "compmark.h"
 
 #include <math.h>
@@ -31,15 +31,17 @@ static int says(const compmark_session* session, const char* word) {
   return 0;
 }
 
-static int print_report(compmark_session* session, const char* key, const char* model, int any_decoder) {
+static int print_report(compmark_session* session, const char* key, const char* model, const char* unmarked,
+                        int any_decoder) {
   compmark_reading reading;
   compmark_verdict verdict;
   char* report = NULL;
   compmark_reading_init(&reading);
   reading.key = key;
   reading.model = model;
+  reading.unmarked = unmarked;
   reading.any_decoder = any_decoder;
-  if (compmark_verify(session, &reading, &verdict, &report) != 0) {
+  if ((unmarked != NULL ? compmark_verify_restored : compmark_verify)(session, &reading, &verdict, &report) != 0) {
     printf("%s\n", compmark_last_error(session));
     return 2;
   }
@@ -59,8 +61,13 @@ int main(int argc, char** argv) {
   size_t count, cameras, i, k;
   float *rgb, *other;
 
+  if (argc == 5 && session != NULL && strcmp(argv[1], "restored") == 0) {
+    const int status = print_report(session, argv[2], argv[3], argv[4], 0);
+    compmark_session_free(session);
+    return status;
+  }
   if (argc == 4 && session != NULL && strncmp(argv[1], "report", 6) == 0) {
-    const int status = print_report(session, argv[2], argv[3], strcmp(argv[1], "report-any") == 0);
+    const int status = print_report(session, argv[2], argv[3], NULL, strcmp(argv[1], "report-any") == 0);
     compmark_session_free(session);
     return status;
   }
@@ -116,6 +123,13 @@ int main(int argc, char** argv) {
   CHECK(compmark_verify(session, &reading, &of_model, NULL) == 0);
   CHECK(of_model.verdict == COMPMARK_DETECTED && of_model.not_a_proof == 0);
 
+  /* Put back together in itself, nothing is left to read: the control of `test restored`. */
+  CHECK(compmark_verify_restored(session, &reading, &of_pictures, NULL) == -1 && says(session, "unmarked: is missing"));
+  reading.unmarked = argv[1];
+  CHECK(compmark_verify_restored(session, &reading, &of_pictures, NULL) == 0);
+  CHECK(of_pictures.verdict != COMPMARK_DETECTED);
+  reading.unmarked = NULL;
+
   reading.model = NULL;
   reading.pictures = pictures;
   reading.picture_count = cameras;
@@ -161,6 +175,7 @@ int main(int argc, char** argv) {
   CHECK(compmark_render(session, model, &broken, rgb, count) == 0);
   CHECK(compmark_render(session, NULL, &camera, rgb, count) == -1 && says(session, "NULL"));
   CHECK(compmark_render(NULL, model, &camera, rgb, count) == -1);
+  CHECK(compmark_verify_restored(session, &reading, &of_pictures, NULL) == -1 && says(session, "model: is missing"));
   reading.key = NULL;
   CHECK(compmark_verify(session, &reading, &of_pictures, NULL) == -1 && says(session, "key"));
   reading.key = argv[2];

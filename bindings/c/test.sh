@@ -37,6 +37,17 @@ same own/owner.key plain/hac.cmk '"file": "universal3_64.safetensors"' # the con
 grep -q '"matches": 28,' library.json && { echo "the control is read as the marked one"; exit 1; }
 "$tool" keygen --quick --bits 48 --payload c0ff --out payload.key >key.txt
 same payload.key plain/hac.cmk '"payload": {'
+# A torn model, put back together in what stands in for its unmarked one: bits, p-value and anchors are the tool's, and others than those of the torn one.
+"$tool" attack --model own/hac.cmk --attack feature_noise:0.3 --out own/unmarked.safetensors >attack.txt
+"$tool" attack --model own/hac.cmk --attack prune:0.5 --out own/torn.safetensors >attack.txt
+status=0
+"$tool" verify --key own/owner.key --model own/torn.safetensors --unmarked own/unmarked.safetensors --restored --json tool.json >tool.txt 2>&1 || status=$?
+case $status in 0 | 1 | 3) ;; *) cat tool.txt; exit 1 ;; esac
+./interface restored own/owner.key own/torn.safetensors own/unmarked.safetensors >library.json
+cmp tool.json library.json || { diff tool.json library.json; exit 1; }
+grep -q '"restored": {' library.json && grep -q '"raised": [12]' library.json || { echo "nothing was restored"; cat library.json; exit 1; }
+./interface report own/owner.key own/torn.safetensors >torn.json
+[ "$(grep fused -A 3 torn.json)" != "$(grep fused -A 3 library.json)" ] || { echo "the torn model was read as it is"; exit 1; }
 # The record of a key names its decoder: another is refused as the tool refuses it, unless any is allowed.
 commitment=$(sed -n 's/.*"commitment": "\([0-9a-f]*\)".*/\1/p' own/owner.key)
 printf '{"schema":"compmark.mark.1","key":{"id":"x","commitment":"%s"},"decoder":{"file":"f","sha256":"0","tensors_sha256":"0"},"models":[]}\n' "$commitment" >own/owner.key.record

@@ -91,6 +91,7 @@ def _load():
         ("compmark_model_write", c_int, [c_void_p, c_void_p, c_char_p]),
         ("compmark_reading_init", None, [POINTER(_Reading)]),
         ("compmark_verify", c_int, [c_void_p, POINTER(_Reading), POINTER(_Verdict), POINTER(c_void_p)]),
+        ("compmark_verify_restored", c_int, [c_void_p, POINTER(_Reading), POINTER(_Verdict), POINTER(c_void_p)]),
         ("compmark_text_free", None, [c_void_p]),
     ]:
         function = getattr(library, name)
@@ -241,11 +242,12 @@ def _bytes_of(picture):
 
 def verify(key, *, model=None, images=(), pictures=(), decoder=None, claim=None, time_stamp=None, unmarked=None,
            interference=None, false_positive_rate=1e-6, tests=1, views=0, all_cameras=False, mirrored=False,
-           background=(0, 0, 0), any_decoder=False, session=None):
+           background=(0, 0, 0), any_decoder=False, restored=False, session=None):
     """Is the message of this key in a model, in image files or folders, or in pictures (arrays)? A Verdict.
 
     Without a decoder: decoder.safetensors beside the model, or else the one that comes with the library. any_decoder:
-    take it even if the record beside the key names another one. views: at most so many, 0: all.
+    take it even if the record beside the key names another one. views: at most so many, 0: all. restored: the features
+    that are left of the model are read in the unmarked one, which has to be given, as `compmark verify --restored` does.
     """
     if views < 0:
         raise ValueError("compmark: views are 0 (all) or more")
@@ -273,7 +275,8 @@ def verify(key, *, model=None, images=(), pictures=(), decoder=None, claim=None,
     reading.all_cameras, reading.mirrored = int(all_cameras), int(mirrored)
     reading.background, reading.any_decoder = (c_float * 3)(*background), int(any_decoder)
     verdict, text = _Verdict(), c_void_p()
-    session._call(_library.compmark_verify, byref(reading), byref(verdict), byref(text))
+    function = _library.compmark_verify_restored if restored else _library.compmark_verify
+    session._call(function, byref(reading), byref(verdict), byref(text))
     try:
         report = json.loads(ctypes.string_at(text.value))
     finally:

@@ -74,6 +74,19 @@ class Binding(unittest.TestCase):
                 compmark.verify(key, model=model)
             self.assertEqual(compmark.verify(key, model=model, any_decoder=True).matches, 28)
 
+    def test_a_model_is_put_back_together_in_the_unmarked_one(self):
+        model = os.path.join(MARKED, "hac.cmk")
+        itself = self.read(model=model, unmarked=model, restored=True)
+        anchors = self.model.anchors
+        self.assertEqual(itself.report["restored"], {"anchors": anchors, "found": anchors, "raised": 1})
+        # The control: less itself nothing is left to read, of which the model as it is has a mark.
+        self.assertNotEqual(itself.verdict, "detected")
+        self.assertNotIn("restored", self.read(model=model).report)
+        with self.assertRaisesRegex(compmark.Error, "unmarked: is missing"):
+            self.read(model=model, restored=True)
+        with self.assertRaisesRegex(compmark.Error, "model: is missing"):
+            self.read(images=["photo.png"], unmarked=model, restored=True)
+
     def test_one_file_and_one_array_are_not_taken_apart(self):
         picture = self.model.render(self.model.cameras[0])
         self.assertEqual(len(self.read(pictures=picture).report["views"]), 1)

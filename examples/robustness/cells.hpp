@@ -137,6 +137,13 @@ struct Scene {
                         {"bits_right", cell.informed_matches},
                         {"spread_deviations", cell.spread_deviations},
                         {"p_value", cell.informed_p_value}};
+  if (cell.restored)
+    json["restored"] = {{"bit_accuracy", {{"mean", cell.restored->mean}, {"min", cell.restored->worst}}},
+                        {"bits_right", cell.restored->matches},
+                        {"p_value", cell.restored->p_value},
+                        {"anchors", cell.restored->features.anchors},
+                        {"found", cell.restored->features.found},
+                        {"raised", cell.restored->features.raised}};
   return json;
 }
 [[nodiscard]] inline RobustnessCell cell_of(const Json& json) {
@@ -157,6 +164,17 @@ struct Scene {
     cell.informed_matches = informed.at("bits_right");
     cell.spread_deviations = informed.at("spread_deviations");
     cell.informed_p_value = informed.at("p_value");
+  }
+  if (json.contains("restored")) {
+    const Json& restored = json.at("restored");
+    compmark::RestoredCell& into = cell.restored.emplace();
+    into.mean = restored.at("bit_accuracy").at("mean");
+    into.worst = restored.at("bit_accuracy").at("min");
+    into.matches = restored.at("bits_right");
+    into.p_value = restored.at("p_value");
+    into.features.anchors = restored.at("anchors");
+    into.features.found = restored.at("found");
+    into.features.raised = restored.at("raised");
   }
   return cell;
 }
@@ -202,6 +220,7 @@ struct Scene {
   of["key_commitment"] = key->commitment();
   if (settings.recipient != 0) of["recipient"] = settings.recipient;
   if (settings.pruned) of["pruned"] = true;
+  if (settings.restored) of["restored"] = true;
   if (!scene.unmarked.empty()) of["informed_views"] = settings.informed_views;
   return of;
 }

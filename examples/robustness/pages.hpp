@@ -42,17 +42,24 @@ using tool::format_text;
   return cell.psnr ? format_text("%.2f", *cell.psnr) : std::string("–");
 }
 
+/// Mean bits, those of all views together and their p-value.
+[[nodiscard]] inline std::string restored_text(const RobustnessCell& cell) {
+  if (!cell.restored) return "–";
+  return format_text("%.1f %%, %zu of %zu, p %.1e", 100 * cell.restored->mean, cell.restored->matches, cell.bits,
+                     cell.restored->p_value);
+}
+
 [[nodiscard]] inline tool::Table table_of(const std::vector<Measured>& measured, const std::string& name) {
   tool::Table table;
-  table.columns = {"attack", "scene",         "bits, mean, %", "worst view, %", "all views",
-                   "p",      "PSNR left, dB", "informed",      "informed p",    "paper, %"};
+  table.columns = {"attack",        "scene",    "bits, mean, %", "worst view, %", "all views", "p",
+                   "PSNR left, dB", "restored", "informed",      "informed p",    "paper, %"};
   for (const Measured& m : measured) {
     if (m.row.table != name) continue;
     const RobustnessCell& cell = m.cell;
     const bool informed = cell.informed > 0;
     table.rows.push_back({m.row.attack.text, m.scene, format_text("%.1f", 100 * cell.mean),
                           format_text("%.1f", 100 * cell.worst), format_text("%zu of %zu", cell.matches, cell.bits),
-                          format_text("%.1e", cell.p_value), psnr_text(cell),
+                          format_text("%.1e", cell.p_value), psnr_text(cell), restored_text(cell),
                           informed ? format_text("%zu of %zu found", cell.found, cell.informed) : std::string("–"),
                           informed ? format_text("%.1e", cell.informed_p_value) : std::string("–"),
                           m.row.paper.empty() ? std::string("–") : m.row.paper});
@@ -102,7 +109,9 @@ using tool::format_text;
 inline constexpr const char* page_note =
     "Bits: mean and worst view, and all views together with the p-value, of one test or, with --pruned, corrected for "
     "four. PSNR left: of attacked to "
-    "unattacked renders, what the thief keeps; none where the size of the picture changes. Informed: by the unmarked "
+    "unattacked renders, what the thief keeps; none where the size of the picture changes. Restored: an attacked model "
+    "put back together in the unmarked one (--restored), as a reading of one test: bits in the mean, all views and p. "
+    "Informed: by the unmarked "
     "model, from pictures of unknown camera, p-value corrected for its two tests. Paper: CompMarkGS over 25 scenes of "
     "three sets (HAC / ContextGS), which a few scenes are no copy of. docs/robustness.md says what each attack is.";
 
@@ -112,7 +121,8 @@ inline constexpr const char* page_note =
 [[nodiscard]] inline Result<Done> write_tables(const fs::path& out, const std::vector<Measured>& measured) {
   std::string csv =
       "table,attack,scene,views,bits,bits_mean,bits_worst_view,bits_right,p_value,worst_view_p_value,psnr,"
-      "informed_pictures,informed_found,informed_p_value,paper\n";
+      "informed_pictures,informed_found,informed_p_value,restored_bits_mean,restored_bits_worst_view,"
+      "restored_bits_right,restored_p_value,restored_anchors_found,paper\n";
   Json json{{"schema", "compmark.robustness.1"}, {"cells", Json::array()}};
   for (const Measured& m : measured) {
     const RobustnessCell& cell = m.cell;
@@ -122,6 +132,10 @@ inline constexpr const char* page_note =
            (cell.psnr ? tool::format_text("%.4f", *cell.psnr) : std::string()) +
            (cell.informed > 0 ? tool::format_text(",%zu,%zu,%.6e", cell.informed, cell.found, cell.informed_p_value)
                               : std::string(",,,")) +
+           (cell.restored
+                ? tool::format_text(",%.6f,%.6f,%zu,%.6e,%zu", cell.restored->mean, cell.restored->worst,
+                                    cell.restored->matches, cell.restored->p_value, cell.restored->features.found)
+                : std::string(",,,,,")) +
            "," + m.row.paper + "\n";
     json["cells"].push_back({{"table", m.row.table}, {"attack", m.row.attack.text}, {"scene", m.scene}});
     json["cells"].back().update(cell_json(cell));

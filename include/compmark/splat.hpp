@@ -31,6 +31,8 @@
 #include "compmark/splat/anchor/no_growth.hpp"
 #include "compmark/splat/anchor/prune.hpp"
 #include "compmark/splat/anchor/reference_decoder.hpp"
+#include "compmark/splat/anchor/reference_same_features.hpp"
+#include "compmark/splat/anchor/same_features.hpp"
 #include "compmark/splat/anchor/scaffold_anchors.hpp"
 #include "compmark/splat/anchor/space.hpp"
 #include "compmark/splat/anchor/split_and_clone.hpp"

@@ -31,7 +31,7 @@ TEST_CASE(
   for (float& feature : suspected.arena.values(suspected.anchors.feature).flat())
     feature += static_cast<float>(0.3 * random.normal(n++));
   REQUIRE(attack_model<ModelAttacks>("prune:0.4", suspected.arena, 5).ok());
-  const Result<RestoredFeatures> found = restore_features(whole.arena, suspected.arena);
+  const Result<RestoredFeatures> found = restore_features(whole.arena, suspected.arena, executor);
   REQUIRE(found.ok());
   REQUIRE(found->found < found->anchors);
   for (float& size : suspected.arena.values(suspected.anchors.scaling).flat()) size += 0.4f;  // a thief's own numbers

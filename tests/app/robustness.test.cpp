@@ -6,8 +6,11 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <compmark/app/model_attack.hpp>
 #include <compmark/app/robustness.hpp>
 #include <compmark/app/spread.hpp>
+#include <compmark/app/verify.hpp>
+#include <compmark/core/random.hpp>
 #include <compmark/io/owner_key.hpp>
 #include <compmark/recipes/scaffold.hpp>
 #include <compmark/splat/training/model_file.hpp>
@@ -94,6 +97,62 @@ TEST_CASE("app/robustness: attacked models are also read as lacking anchors wher
   if (four->missing_share == 0) CHECK(four->p_value == std::min(1.0, 4 * one->p_value));
   CHECK(picture->p_value == same->p_value);
   CHECK(picture->missing_share == 0);
+}
+
+TEST_CASE("app/robustness: attacked models are also read put back together, as verify reads them") {
+  BenchFiles files;
+  files.settings.unmarked = files.folder.path / "unmarked.safetensors";
+  files.settings.informed_views = 0;
+  Model<recipes::Scaffold> model = testing::small_model<recipes::Scaffold>(5, 200);
+  model.render.background = {0, 0, 0};
+  REQUIRE(write_model(files.settings.unmarked, model, testing::larger_info("scaffold", 2)).ok());
+  // A mark of sorts: that of the model differs in the features.
+  const Random random(3, 0, random_stage("test/restored bench"));
+  std::uint64_t n = 0;
+  for (float& feature : model.arena.values(model.anchors.feature).flat())
+    feature += static_cast<float>(0.3 * random.normal(n++));
+  REQUIRE(write_model(files.settings.model, model, testing::larger_info("scaffold", 2)).ok());
+  const RobustnessAttack pruned{Kind::model, "prune:0.5"}, picture{Kind::picture, "jpeg:50"};
+  RobustnessBench plain = files.open();
+  files.settings.restored = true;
+  RobustnessBench bench = files.open();
+  const Result<RobustnessCell> blind = plain.measure(pruned, files.executor),
+                               cell = bench.measure(pruned, files.executor),
+                               of_picture = bench.measure(picture, files.executor),
+                               of_unmarked =
+                                   bench.measure({Kind::other, "unmarked", {files.settings.unmarked}}, files.executor);
+  REQUIRE((blind.ok() && cell.ok() && of_picture.ok() && of_unmarked.ok()));
+  CHECK_FALSE(blind->restored.has_value());
+  CHECK_FALSE(of_picture->restored.has_value());
+  REQUIRE(cell->restored.has_value());
+  CHECK(cell->matches == blind->matches);  // beside it, not in its place
+  CHECK(cell->p_value == blind->p_value);
+  CHECK(*cell->psnr == *blind->psnr);
+  // The same as verify, of a file.
+  Result<AnyModel> attacked = AnyModel::open(files.settings.model, files.executor);
+  REQUIRE(attacked.ok());
+  REQUIRE(attack_any_model(*attacked, pruned.text, files.settings.seed, files.executor).ok());
+  ReadingSettings reading;
+  reading.model = files.folder.path / "attacked.safetensors";
+  REQUIRE(attacked->write(reading.model).ok());
+  reading.unmarked = files.settings.unmarked;
+  reading.decoder = files.settings.decoder;
+  reading.restored = true;
+  const Result<VerificationReport> report =
+      verify_files(testing::small_key(1, 24), reading, VerifySettings{}, files.executor);
+  REQUIRE(report.ok());
+  CHECK(cell->restored->matches == report->verification.evidence.matches);
+  CHECK(cell->restored->p_value == report->verification.evidence.p_value);
+  CHECK(cell->restored->features == *report->restored);
+  CHECK(cell->restored->features.found < cell->restored->features.anchors);
+  CHECK(cell->restored->worst <= cell->restored->mean);
+  // The control: the unmarked model itself leaves nothing to read, and what is read is another thing.
+  REQUIRE(of_unmarked->restored.has_value());
+  CHECK(of_unmarked->restored->features.found == of_unmarked->restored->features.anchors);
+  CHECK(of_unmarked->restored->matches != cell->restored->matches);
+
+  files.settings.unmarked.clear();
+  CHECK(RobustnessBench::open(files.settings, files.executor).error().field == "--restored");
 }
 
 TEST_CASE("app/robustness: who knows the decoder turns the bits round, within epsilon") {

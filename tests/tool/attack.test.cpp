@@ -272,6 +272,26 @@ TEST_CASE("tool: reproduce_robustness fills its tables, goes on where it was sto
     CHECK(testing::times_in(refused.text, "\n") == 1);
     CHECK(refused.text.find(said) != std::string::npos);
   }
+  CHECK(reproduce("--restored").text.find("--restored: needs the unmarked model") != std::string::npos);
+  // Attacked models are also read put back together in the unmarked one (here what stands in for it), pictures are not.
+  REQUIRE(
+      tool("attack --model " + marked() + " --attack feature_noise:0.2 --out " + at("as_unmarked.safetensors")).code ==
+      0);
+  const Outcome restored = reproduce("--picture jpeg:50 --model prune:0.5 --informed-views 0 --restored --unmarked " +
+                                     at("as_unmarked.safetensors"));
+  INFO(restored.text);
+  REQUIRE(restored.code == 0);
+  const nlohmann::json read = json_of(at("robustness/robustness.json"))["cells"];
+  REQUIRE(read.size() == 4);
+  CHECK_FALSE(read[1].contains("restored"));
+  REQUIRE(read[2].contains("restored"));
+  CHECK(read[2]["restored"]["found"] < read[2]["restored"]["anchors"]);
+  CHECK(read[2]["restored"]["raised"].get<double>() > 1.5);
+  CHECK(read[3]["restored"]["found"] == read[3]["restored"]["anchors"]);  // averaged with the unmarked
+  const std::string shown = testing::text_of(at("robustness/robustness.md"));
+  CHECK(shown.find("| restored |") != std::string::npos);
+  CHECK(shown.find(std::to_string(read[2]["restored"]["bits_right"].get<int>()) + " of 24, p ") != std::string::npos);
+  CHECK(testing::text_of(at("robustness/robustness.csv")).find(",restored_p_value,") != std::string::npos);
   const Outcome epsilon = reproduce("--pgd pgd:2");
   CHECK(epsilon.code == 2);
   CHECK(epsilon.text.find("epsilon from 0 to 1") != std::string::npos);

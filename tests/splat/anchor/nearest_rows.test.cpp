@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "compmark/core/random.hpp"
+#include "compmark/core/thread_executor.hpp"
 
 namespace {
 
@@ -43,6 +44,8 @@ TEST_CASE("anchor/nearest_rows: the nearest are those that a search of all finds
     all.resize(9);
     CHECK(nearest[row] == all);
   }
+  ThreadExecutor three(3);
+  CHECK(nearest_rows(places.view, 9, three) == nearest);
 }
 
 TEST_CASE(
@@ -65,7 +68,8 @@ TEST_CASE(
   }
   others.insert(others.end(), 3, std::numeric_limits<float>::quiet_NaN());
   const MatrixView<const float> among{others.data(), others.size() / 3, 3};
-  const auto found = same_places(places.view, among);
+  ThreadExecutor executor(3);
+  const auto found = same_places(places.view, among, executor);
   const auto nearest = nearest_rows(places.view, 1);
   std::size_t unique = 0;
   for (std::uint32_t row = 0; row < rows; ++row) {
@@ -86,9 +90,11 @@ TEST_CASE(
     if (found[row]) CHECK(kept[*found[row]] == row);
   }
   CHECK(unique > 100);
+  SerialExecutor one_thread;
+  CHECK(same_places(places.view, among, one_thread) == found);
 
   // A place alone is matched by whatever is nearest, and by nothing where there is nothing.
   const CoarsePlaces one(1, 5);
-  CHECK(same_places(one.view, among)[0].has_value());
-  CHECK_FALSE(same_places(one.view, MatrixView<const float>{others.data(), 0, 3})[0].has_value());
+  CHECK(same_places(one.view, among, executor)[0].has_value());
+  CHECK_FALSE(same_places(one.view, MatrixView<const float>{others.data(), 0, 3}, executor)[0].has_value());
 }

@@ -10,9 +10,9 @@
 #include <cstdint>
 #include <limits>
 #include <string>
-#include <vector>
 
 #include "compmark/core/random.hpp"
+#include "compmark/core/thread_executor.hpp"
 #include "compmark/splat/anchor/table.hpp"
 #include "compmark/watermark/attack/model_attacks.hpp"
 
@@ -58,6 +58,7 @@ struct RestoredPair {
 
 TEST_CASE("proof/restored_features: what is left of a model speaks in the unmarked one for what is gone") {
   const RestoredPair pair;
+  ThreadExecutor executor(2);
   struct Case {
     const char* attack;
     std::size_t least, most;
@@ -68,7 +69,7 @@ TEST_CASE("proof/restored_features: what is left of a model speaks in the unmark
     CAPTURE(std::string(c.attack));
     ParameterArena<float> suspected = pair.marked, restored = pair.unmarked;
     REQUIRE(attack_model<ModelAttacks>(c.attack, suspected, 3).ok());
-    const Result<RestoredFeatures> found = restore_features(restored, suspected);
+    const Result<RestoredFeatures> found = restore_features(restored, suspected, executor);
     REQUIRE(found.ok());
     CHECK(found->anchors == 400);
     CHECK(found->found >= c.least);
@@ -80,56 +81,18 @@ TEST_CASE("proof/restored_features: what is left of a model speaks in the unmark
     // The control: an unmarked model carries nothing, whatever was done to it.
     ParameterArena<float> innocent = pair.unmarked, again = pair.unmarked;
     REQUIRE(attack_model<ModelAttacks>(c.attack, innocent, 3).ok());
-    REQUIRE(restore_features(again, innocent).ok());
+    REQUIRE(restore_features(again, innocent, executor).ok());
     CHECK(std::abs(pair.carried(again)) < 0.03);
   }
 }
 
-TEST_CASE("proof/restored_features: features find each other among many, and chance finds next to nobody") {
-  constexpr std::size_t rows = 1500, columns = 12;  // more than one tile of either
-  const Random random(6, 0, random_stage("test/features"));
-  std::vector<float> one(rows * columns), among, chance(rows * columns);
-  for (std::size_t i = 0; i < one.size(); ++i) {
-    one[i] = static_cast<float>(5 + random.normal(i));
-    chance[i] = static_cast<float>(5 + random.normal(1'000'000 + i));
-  }
-  // Every second is gone, the others are in the reverse order and a little different; one is no number.
-  std::vector<std::size_t> kept;
-  for (std::size_t row = rows; row-- > 0;) {
-    if (row % 2 == 0) continue;
-    kept.push_back(row);
-    for (std::size_t k = 0; k < columns; ++k)
-      among.push_back(one[row * columns + k] + static_cast<float>(0.1 * random.normal(2'000'000 + row * columns + k)));
-  }
-  among[0] = std::numeric_limits<float>::quiet_NaN();
-  const MatrixView<const float> all{one.data(), rows, columns}, some{among.data(), kept.size(), columns};
-  const auto found = same_features(all, some);
-  std::size_t right = 0;
-  for (std::size_t row = 0; row < rows; ++row) {
-    if (!found[row]) continue;
-    CHECK(kept[*found[row]] == row);
-    ++right;
-  }
-  CHECK(right >= kept.size() * 98 / 100);
-  CHECK(right <= kept.size() - 1);  // without the one that is no number
-  const auto back = same_features(some, all);
-  for (std::size_t row = 0; row < kept.size(); ++row) {
-    if (back[row]) CHECK(*back[row] == kept[row]);
-  }
-  CHECK(std::count_if(back.begin(), back.end(), [](const auto& other) { return other.has_value(); }) >= 700);
-  std::size_t by_chance = 0;
-  for (const auto& other : same_features(all, MatrixView<const float>{chance.data(), rows, columns}))
-    by_chance += other.has_value() ? 1 : 0;
-  CHECK(by_chance < rows / 20);
-  MESSAGE(right, " of ", kept.size(), ", by chance ", by_chance);
-}
-
 TEST_CASE("proof/restored_features: another scene, other features and numbers that are none") {
   const RestoredPair pair;
+  ThreadExecutor executor(2);
   ParameterArena<float> elsewhere = pair.marked, restored = pair.unmarked;
   for (float& x : elsewhere.values(elsewhere.layout().find("anchor.position")).flat()) x += 100;
   // A scene that was moved as a whole is that scene.
-  const Result<RestoredFeatures> moved = restore_features(restored, elsewhere);
+  const Result<RestoredFeatures> moved = restore_features(restored, elsewhere, executor);
   REQUIRE(moved.ok());
   CHECK(moved->found >= 350);  // 367: of four numbers a feature, and the mark a third of what keeps two apart
   CHECK(pair.carried(restored) == doctest::Approx(1).epsilon(0.03));
@@ -138,18 +101,18 @@ TEST_CASE("proof/restored_features: another scene, other features and numbers th
   std::uint64_t n = 0;
   for (float& x : elsewhere.values(elsewhere.layout().find("anchor.feature")).flat())
     x = static_cast<float>(100 + random.normal(n++));
-  const Result<RestoredFeatures> none = restore_features(restored, elsewhere);
+  const Result<RestoredFeatures> none = restore_features(restored, elsewhere, executor);
   REQUIRE_FALSE(none.ok());
   CHECK(none.error().field == "anchor.position");
   ParameterArena<float> wider;
   add_anchor_blocks(wider, 10, DecoderShape{8, 2});
-  const Result<RestoredFeatures> other = restore_features(restored, wider);
+  const Result<RestoredFeatures> other = restore_features(restored, wider, executor);
   REQUIRE_FALSE(other.ok());
   CHECK(other.error().field == "anchor.feature");
 
   ParameterArena<float> broken = pair.marked;
   broken.values(broken.layout().find("anchor.feature"))(5, 0) = std::numeric_limits<float>::quiet_NaN();
-  REQUIRE(restore_features(restored, broken).ok());
+  REQUIRE(restore_features(restored, broken, executor).ok());
   const auto feature = restored.values(restored.layout().find("anchor.feature"));
   CHECK(feature(5, 0) == pair.unmarked.values(pair.unmarked.layout().find("anchor.feature"))(5, 0));
 }

@@ -73,7 +73,7 @@ inline Result<Done> read_renders(const ReadingSettings& settings, const FileDeco
       return Error{ErrorKind::invalid, settings.unmarked.string(), "--unmarked", "was changed while it was read",
                    "read it again when nobody writes it"};
     }
-    Result<RestoredFeatures> restored = restore_features(whole->arena(), std::as_const(model->arena()));
+    Result<RestoredFeatures> restored = restore_features(whole->arena(), std::as_const(model->arena()), executor);
     if (!restored) return detail::named(restored.error(), settings.model);
     reading.restored = *restored;
     *model = std::move(*whole);

