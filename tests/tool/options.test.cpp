@@ -377,7 +377,8 @@ TEST_CASE("options: what would change nothing is refused where somebody gives it
   const std::string train = "train --data " + place.at("capture") + " --out " + place.at("run");
   check_refused(tool(train + " --lambda 0.002"), {"--lambda", "give --codec, or leave it out"});
   check_refused(tool(train + " --mark-iterations 100"), {"--mark-iterations: needs a message to hide; give --key"});
-  for (const char* name : {"--spread 50", "--sample-by-loss 1", "--orbit 0.5", "--photographs 0.3", "--calibrate-steps 50"}) {
+  for (const char* name :
+       {"--spread 50", "--sample-by-loss 1", "--orbit 0.5", "--photographs 0.3", "--calibrate-steps 50"}) {
     INFO(name);
     const std::string words = name, option = words.substr(0, words.find(' '));
     check_refused(tool(train + " " + words), {option + ": needs a message to hide; give --key"});

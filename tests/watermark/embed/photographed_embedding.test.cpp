@@ -100,8 +100,7 @@ Model<typename R::Base> marked(const Model<typename R::Base>& base, const TrainS
 
 using namespace photographed_embedding_test;
 
-TEST_CASE(
-    "embed/photographed_embedding: a mark that looks at photographs costs less of them") {
+TEST_CASE("embed/photographed_embedding: a mark that looks at photographs costs less of them") {
   const compmark::testing::BlobViews views;
   ThreadExecutor executor(2);
   const auto base = compmark::testing::briefly_trained<Unmarked>(views, executor);
