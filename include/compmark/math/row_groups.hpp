@@ -6,8 +6,8 @@
 // near. Queries come in batches, so that a group is read into the nearest cache once for many: with one query at a time
 // memory was what took the time (10 cycles a line). Exact: what the coordinates cannot rule out is measured on the
 // numbers themselves, and rounding is allowed for. The distance is that of squared_row_distance: float, the columns in
-// order, each square fused into the sum where the build has that instruction. Cost: N log N to build; of N queries among
-// M rows N M / 256 tests of boxes, and the groups that are near.
+// order, each square fused into the sum where the build has that instruction. Cost: N log N to build; of N queries
+// among M rows N M / 256 tests of boxes, and the groups that are near.
 #pragma once
 
 #include <algorithm>
@@ -53,8 +53,8 @@ class RowGroups {
   RowGroups(MatrixView<const float> rows, const PrincipalAxes& axes, E& executor);
 
   /// Calls visit(index of the query, squared distance, row) for rows, among them all whose squared_row_distance to the
-  /// query is at most its reach, which becomes what visit returns. A query that is not finite has no row, and a distance
-  /// that overflows float is none. Queries near each other are faster; 64 are as good as more.
+  /// query is at most its reach, which becomes what visit returns. A query that is not finite has no row, and a
+  /// distance that overflows float is none. Queries near each other are faster; 64 are as good as more.
   template <class Visit>
   void within(std::span<Query> queries, const Visit& visit) const;
 

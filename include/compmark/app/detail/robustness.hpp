@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The CompMark authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The functions of app/robustness.hpp.
+// The functions of app/robustness.hpp. Longer than 300 lines: what is read of one cell is kept together.
 #pragma once
 
 #include <algorithm>

@@ -4,8 +4,8 @@
 // Which anchors of two models are the same, by their features: each other's nearest, where the second is much farther.
 // Exact, by searches in groups (math/row_groups.hpp), with the bits of the search of all pairs
 // (reference_same_features.hpp) at any number of threads. Cost, in seconds of a processor beside other work: half of
-// 26,535 anchors are found among all by .3 (all pairs: 1.6), of 80,000 by 1.8 (16); all of them after noise of .5 on every
-// feature by .6 and 5.2 (benchmarks/anchor_same_features.bench.cpp).
+// 26,535 anchors are found among all by .3 (all pairs: 1.6), of 80,000 by 1.8 (16); all of them after noise of .5 on
+// every feature by .6 and 5.2 (benchmarks/anchor_same_features.bench.cpp).
 #pragma once
 
 #include <array>
@@ -28,8 +28,8 @@ namespace compmark {
 inline constexpr float same_feature_ratio = 0.7f * 0.7f;
 
 /// For each row of `one` [N, C] the row of `among` [M, C] that is its nearest, where it is the nearest of that row as
-/// well (of equal ones the lower), and nearer than seven tenths of the way to the second; else empty. Rows with a number
-/// that is not finite are nobody's, and distances whose square overflows float are none. Memory: twice the rows.
+/// well (of equal ones the lower), and nearer than seven tenths of the way to the second; else empty. Rows with a
+/// number that is not finite are nobody's, and distances whose square overflows float are none. Memory: twice the rows.
 template <Executor E>
 [[nodiscard]] std::vector<std::optional<std::uint32_t>> same_features(MatrixView<const float> one,
                                                                       MatrixView<const float> among, E& executor) {

@@ -9,8 +9,8 @@
 // times, at most three times, beyond which the networks see features that they were never trained on (measured in
 // docs/notebook/watermark_experiments.md). No key and no message has part in it, so that a p-value is what it was.
 // Cost: where every anchor is in its place, two sorts; else a search of features too (splat/anchor/same_features.hpp),
-// together .6 s of a processor for half of the chair's 26,535 anchors, 3 s for half of the fern's 80,000, and 6 s for all
-// of the fern's after noise of .5 on their features.
+// together .4 s of a processor for half of the chair's 26,535 anchors, 3 s for half of the fern's 80,000, and 6 s for
+// all of the fern's after noise of .5 on their features.
 #pragma once
 
 #include <algorithm>
