@@ -4,7 +4,7 @@
 // Which anchors of two models are the same, by their features: each other's nearest, where the second is much farther.
 // Exact, by searches in groups (math/row_groups.hpp), with the bits of the search of all pairs
 // (reference_same_features.hpp) at any number of threads. Cost, in seconds of a processor beside other work: half of
-// 26,535 anchors are found among all by .3 (all pairs: 1.6), of 80,000 by 1.8 (16); all of them after noise of .5 on
+// 26,535 anchors are found among all by .3 (all pairs: 1.6), of 80,000 by 1.8 (12); all of them after noise of .5 on
 // every feature by .6 and 5.2 (benchmarks/anchor_same_features.bench.cpp).
 #pragma once
 
