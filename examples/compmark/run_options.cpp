@@ -84,10 +84,12 @@ void add_mark_options(Options& app, MarkSettings& options, bool required) {
   app.number("--step-rate", options.step_rate, RealRange{0, 1e3},
              "weight that holds the step of the published distortion layer, which then stays as large as the picture "
              "allows; 0: none, as published, and the step falls to nothing (default: the profile's)");
-  app.number("--fidelity", options.fidelity, RealRange{0, 1e6},
-             "weight of the distortion, the mean square difference between marked and unmarked "
-             "renders; 0: the message joins the loss of the photographs, as published (default: "
-             "1600 with the decoder of the program; docs/watermark.md has the others)");
+  app.number(
+      "--fidelity", options.fidelity, RealRange{0, 1e6},
+      "weight of the distortion, the mean square difference between marked and unmarked "
+      "renders; 0: the message joins the loss of the photographs, as published (default: "
+      "1200 with the decoder of the program, 1600 where it does not look at photographs; docs/watermark.md has the "
+      "others)");
   app.number("--fidelity-fall", options.fall, RealRange{0, 4},
              "exponent by which --fidelity falls with the distance of a view from the nearest "
              "photograph, where the scene has larger errors of its own; 0: no fall (default: 2)");

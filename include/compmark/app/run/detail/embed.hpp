@@ -184,10 +184,12 @@ class PassingFile {
   // what each was measured with (docs/notebook/watermark_experiments.md)
   if (!baseline) settings.mark.residual.learning_rate = fitted ? 0.006 : universal ? 0.01 : 0.001;
   if (universal && !baseline) {
-    settings.mark.posthoc.fidelity = 1600;
+    // Photographs give back more decibels than the lower fidelity takes.
+    const double photographs = plan.mark.photographs.value_or(sees_photographs(*recipe) ? 0.5 : 0);
+    settings.mark.posthoc.photograph_share = photographs;
+    settings.mark.posthoc.fidelity = photographs > 0 ? 1200 : 1600;
     settings.mark.posthoc.draw_by_cost = 1;
     settings.mark.posthoc.orbit_share = 0.5;
-    if (sees_photographs(*recipe)) settings.mark.posthoc.photograph_share = 0.5;
     settings.mark.message.edited_share = 0.7;
   }
   settings.mark.residual.harmonics = plan.harmonics;
