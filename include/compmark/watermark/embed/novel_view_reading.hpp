@@ -19,6 +19,7 @@
 #include "compmark/core/config.hpp"
 #include "compmark/core/executor.hpp"
 #include "compmark/core/random.hpp"
+#include "compmark/core/result.hpp"
 #include "compmark/core/views.hpp"
 #include "compmark/scene/novel_view.hpp"
 #include "compmark/scene/orbit_view.hpp"
@@ -170,17 +171,19 @@ class NovelViewReading {
   /// filled with. An Error of the views (no photograph) leaves nothing read.
   template <class Views, Executor E>
   auto read_photographed(const Pipeline<R>& pipeline, Model<R>& model, Views& views, std::size_t view, std::int64_t t,
-                         const MarkPhases& schedule, const Phases& phases, TrainingTarget<R>& target, E& executor)
-      -> Result<ForwardReport>
-    requires(can_be_held)
-  {
+                         const MarkPhases& schedule, const Phases& phases, TrainingTarget<R>& target,
+                         E& executor) requires(can_be_held) {
     const ViewCamera<R> camera = views.camera(view);
     const Phases marked = without_photograph(phases);
+    const auto read = [&] {
+      return read_at(pipeline, model, camera, view, marked, schedule.novel_view_weight(t),
+                     fidelity(views, camera, schedule), target.image(), target.weight(), executor);
+    };
+    using Report = Result<decltype(read())>;
     report_ = {};
     const auto behind = Pipeline<R>::background(model.render, marked);
-    if (Result<Done> loaded = target.load(views, view, camera, behind); !loaded) return loaded.error();
-    return read_at(pipeline, model, camera, view, marked, schedule.novel_view_weight(t),
-                   fidelity(views, camera, schedule), target.image(), target.weight(), executor);
+    if (Result<Done> loaded = target.load(views, view, camera, behind); !loaded) return Report(loaded.error());
+    return Report(read());
   }
 
   [[nodiscard]] const ReadingReport& report() const { return report_; }           ///< of the last reading
