@@ -22,6 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace compmark;
+using testing::block;
 using testing::check_refused;
 using testing::done;
 using testing::json_of;
@@ -50,13 +51,6 @@ std::string trained(const std::string& recipe, int iterations = 30) {
     done("train --recipe " + recipe + " --voxel-size 0.2 --iterations " + std::to_string(iterations) + " --data " +
          files().scene + " --out " + out);
   return model;
-}
-std::vector<float> block(const std::string& model, const std::string& name) {
-  const Result<SafetensorsFile> file = read_safetensors(model);
-  REQUIRE(file);
-  const Result<std::vector<float>> values = file->values<float>(name);
-  REQUIRE(values);
-  return *values;
 }
 std::string embed(const std::string& model) {
   return "embed --iterations 3 --model " + model + " --data " + files().scene + " --key " + files().key;

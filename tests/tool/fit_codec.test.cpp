@@ -22,6 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace compmark;
+using testing::block;
 using testing::check_refused;
 using testing::done;
 using testing::json_of;
@@ -49,13 +50,6 @@ std::string plain() {
 std::string command(const std::string& out, const std::string& more = {}) {
   return "fit-codec --model " + plain() + " --data " + at("scene") +
          (more.find("--iterations") == std::string::npos ? " --iterations 200" : "") + " --out " + at(out) + " " + more;
-}
-std::vector<float> block(const std::string& model, const std::string& name) {
-  const Result<SafetensorsFile> file = read_safetensors(model);
-  REQUIRE(file);
-  const Result<std::vector<float>> values = file->values<float>(name);
-  REQUIRE(values);
-  return *values;
 }
 /// Of the anchors and the rendering networks.
 bool same_model(const std::string& a, const std::string& b) {

@@ -10,6 +10,7 @@
 #include <compmark/io/atomic_file.hpp>
 #include <compmark/io/json_file.hpp>
 #include <compmark/io/owner_key.hpp>
+#include <compmark/io/safetensors.hpp>
 #include <compmark/watermark/decoder/lattice_decoder.hpp>
 #include <cstddef>
 #include <cstdint>
@@ -21,6 +22,15 @@
 #include "support/tool.hpp"
 
 namespace compmark::testing {
+
+/// The numbers of a tensor of a model's file.
+inline std::vector<float> block(const std::string& model, const std::string& name) {
+  const Result<SafetensorsFile> file = read_safetensors(model);
+  REQUIRE(file);
+  const Result<std::vector<float>> values = file->values<float>(name);
+  REQUIRE(values);
+  return *values;
+}
 
 /// `before` and `after` are words of the shell around the command.
 inline Outcome tool(const std::string& arguments, const std::string& before = {}, const std::string& after = {}) {
