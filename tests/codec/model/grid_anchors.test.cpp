@@ -23,23 +23,23 @@ namespace grid_anchors_test {
 namespace {
 
 using namespace compmark;
-using R = recipes::Scaffold;
+using GridRecipe = recipes::Scaffold;
 
 constexpr double voxel = 0.03;
 constexpr std::size_t near_anchors = 200, anchors = 600;
 
-AnchorColumns<float> columns_of(Model<R>& model) { return anchor_values(model.arena, model.anchors); }
+AnchorColumns<float> columns_of(Model<GridRecipe>& model) { return anchor_values(model.arena, model.anchors); }
 
 /// Anchors of an unbounded scene, as wide as their cells: the first ones in the ball, on the grid, the others at up to
 /// fifty radii.
-Model<R> unbounded(std::uint64_t seed) {
+Model<GridRecipe> unbounded(std::uint64_t seed) {
   const ContractedSpace space{{0.1, -0.2, 0.05}, 1.5};
   const Random random(seed, 0, random_stage("grid anchors"));
-  Model<R> model;
+  Model<GridRecipe> model;
   model.create(anchors, 1);
   model.voxel_size = voxel;
   model.render.background = {0.2, 0.4, 0.6};
-  R::GaussianDecoder::initialise(model.arena, model.decoder, seed);
+  GridRecipe::GaussianDecoder::initialise(model.arena, model.decoder, seed);
   const AnchorColumns<float> columns = columns_of(model);
   for (std::size_t i = 0; i < anchors; ++i) {
     std::array<double, 3> direction{random.normal(8 * i), random.normal(8 * i + 1), random.normal(8 * i + 2)};
@@ -65,16 +65,16 @@ Model<R> unbounded(std::uint64_t seed) {
 }
 
 /// Where the k-th Gaussian of an anchor is, along an axis.
-double place(const Model<R>& model, std::size_t i, std::size_t k, std::size_t axis) {
+double place(const Model<GridRecipe>& model, std::size_t i, std::size_t k, std::size_t axis) {
   const auto columns = model.columns();
   return static_cast<double>(columns.position(i, axis)) +
          static_cast<double>(columns.offset(i, 3 * k + axis)) * std::exp(static_cast<double>(columns.scaling(i, axis)));
 }
 
-std::vector<float> rendered(Model<R>& model, std::size_t view) {
+std::vector<float> rendered(Model<GridRecipe>& model, std::size_t view) {
   ThreadExecutor executor(1);
-  Pipeline<R> pipeline;
-  typename Pipeline<R>::Context context;
+  Pipeline<GridRecipe> pipeline;
+  typename Pipeline<GridRecipe>::Context context;
   const Camera<double> camera = testing::ring_camera(view, 4, 96, 80);
   REQUIRE_FALSE(pipeline.forward(model, camera, unseen_view, context, executor).raster.error);
   return {context.image.data, context.image.data + context.image.size()};
@@ -88,15 +88,10 @@ double psnr(const std::vector<float>& a, const std::vector<float>& b) {
   return -10 * std::log10(sum / static_cast<double>(a.size()));
 }
 
-}  // namespace
-}  // namespace grid_anchors_test
-
-using namespace grid_anchors_test;
-
 TEST_CASE("codec/grid_anchors: a far field's anchors go onto the grid, and their Gaussians stay where they are") {
-  const Model<R> before = unbounded(7);
+  const Model<GridRecipe> before = unbounded(7);
   CHECK_FALSE(anchor_voxels(before).ok());
-  Model<R> after = before;
+  Model<GridRecipe> after = before;
   const Result<GridMoves> moves = move_onto_grid(after);
   REQUIRE(moves.ok());
   CHECK(anchor_voxels(after).ok());
@@ -126,15 +121,15 @@ TEST_CASE("codec/grid_anchors: a far field's anchors go onto the grid, and their
     CHECK(std::equal(before.columns().position.row(i), before.columns().position.row(i) + 3,
                      after.columns().position.row(i)));
   }
-  Model<R> twice = after;
+  Model<GridRecipe> twice = after;
   REQUIRE(move_onto_grid(twice).ok());
   CHECK(std::equal(after.arena.all_values().begin(), after.arena.all_values().end(), twice.arena.all_values().begin()));
 }
 
 TEST_CASE("codec/grid_anchors: renders stay; without the offsets they would not") {
-  Model<R> before = unbounded(8), after = before;
+  Model<GridRecipe> before = unbounded(8), after = before;
   REQUIRE(move_onto_grid(after).ok());
-  Model<R> naive = before;
+  Model<GridRecipe> naive = before;
   for (std::size_t i = 0; i < before.columns().position.size(); ++i)
     columns_of(naive).position.data[i] = after.columns().position.data[i];
   for (std::size_t view = 0; view < 4; ++view) {
@@ -149,12 +144,12 @@ TEST_CASE("codec/grid_anchors: renders stay; without the offsets they would not"
 }
 
 TEST_CASE("codec/grid_anchors: an anchor whose base scale is smaller than its way gets a larger one") {
-  Model<R> before = unbounded(9);
+  Model<GridRecipe> before = unbounded(9);
   columns_of(before).position(0, 0) += static_cast<float>(0.4 * voxel);
   columns_of(before).scaling(0, 0) = static_cast<float>(std::log(1e-7));
   columns_of(before).position(1, 1) += static_cast<float>(0.4 * voxel);
   for (std::size_t k = 0; k < 10; ++k) columns_of(before).offset(1, 3 * k + 1) = 3;
-  Model<R> after = before;
+  Model<GridRecipe> after = before;
   REQUIRE(move_onto_grid(after).ok());
   REQUIRE(anchor_voxels(after).ok());
   for (std::size_t k = 0; k < 10; ++k) {
@@ -166,7 +161,7 @@ TEST_CASE("codec/grid_anchors: an anchor whose base scale is smaller than its wa
 
 TEST_CASE("codec/grid_anchors: a place beyond all cells is refused, and the model stays as it is") {
   for (const float place : {1e9f, std::numeric_limits<float>::quiet_NaN()}) {
-    Model<R> model = unbounded(10);
+    Model<GridRecipe> model = unbounded(10);
     columns_of(model).position(anchors - 1, 2) = place;
     const std::vector<float> before(model.arena.all_values().begin(), model.arena.all_values().end());
     const Result<GridMoves> moves = move_onto_grid(model);
@@ -176,3 +171,6 @@ TEST_CASE("codec/grid_anchors: a place beyond all cells is refused, and the mode
       CHECK((before[i] == model.arena.all_values()[i] || std::isnan(before[i])));
   }
 }
+
+}  // namespace
+}  // namespace grid_anchors_test

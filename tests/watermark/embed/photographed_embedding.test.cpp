@@ -95,11 +95,6 @@ Model<typename R::Base> marked(const Model<typename R::Base>& base, const TrainS
   return baked_model(embedding.model());
 }
 
-}  // namespace
-}  // namespace photographed_embedding_test
-
-using namespace photographed_embedding_test;
-
 TEST_CASE("embed/photographed_embedding: a mark that looks at photographs costs less of them") {
   const compmark::testing::BlobViews views;
   ThreadExecutor executor(2);
@@ -214,3 +209,6 @@ TEST_CASE("embed/photographed_embedding: the gradient of the weighted difference
   const std::vector<double> ones(20, 1.0);
   CHECK(loss({}) == loss(ones));
 }
+
+}  // namespace
+}  // namespace photographed_embedding_test
