@@ -39,7 +39,7 @@ std::string at(const std::string& name) { return (scratch() / name).string(); }
 struct Setting {
   std::string scene = at("scene"), key = at("owner.key"), other = at("other.key"), decoder = at("colours.safetensors");
   Setting() {
-    done("scene --out " + scene + " --width 96 --height 80 --train 12 --test 4");
+    done("scene --out " + scene + " --width 96 --height 80 --train 40 --test 8");
     REQUIRE(write_key(key, testing::fixed_key(1, 24)).ok());
     REQUIRE(write_key(other, testing::fixed_key(2, 24)).ok());
     REQUIRE(write_lattice<SafetensorsWriter>(testing::untrained_colours(24), "a test", fs::path(decoder)).ok());
@@ -58,19 +58,22 @@ int verdict(const std::string& model, const std::string& key) {
 }  // namespace
 
 TEST_CASE("tool: a published profile marks the scene while it trains, in either codec, and its file says the message") {
-  // 2,000 iterations in place of 30,000, of which the message has the last third: a louder one. Measured: 23 of 24 bits from all views.
-  // The paper's loss is a sum over the bits from the beginning on, so that a tenth of that is as loud.
+  // 2,000 iterations in place of 30,000. `official` has the message in their last third: a louder one. Seeds 0 and 1: 24 and 23 of 24 bits, 24.4 and
+  // 24.3 dB; of 12 training views in place of 40 the mark is learned by heart, and one seed of three had 18 bits of the test views.
+  // `paper` has it from the beginning on, summed over the bits: .003 of that has 24 bits at 24.6 dB (.001: 24 and 22, 28.0 and 28.5 dB), .01 ends the scene
+  // (10.2 dB, and the bits are read all the same).
   const std::string common = " --voxel-size 0.1 --data " + setting().scene + " --key " + setting().key + " --decoder " +
                              setting().decoder + " --out ";
   for (const auto& run : {std::pair("hac", "official"), std::pair("context_gs", "paper")}) {
     const std::string codec = run.first, profile = run.second;
     CAPTURE(codec);
     done("train --iterations 2000 --codec " + codec + " --profile " + profile + " --message-weight " +
-         (profile == "paper" ? "0.2" : "2") + common + at(codec));
+         (profile == "paper" ? "0.003" : "2") + common + at(codec));
     const nlohmann::json results = json_of(at(codec) + "/results.json");
     CHECK(results["recipe"] == codec);
     CHECK(results["profile"] == profile);
     MESSAGE(codec, ": ", results["bit_accuracy"].dump(), " of the bits, ", results["test"]["psnr"].dump(), " dB");
+    CHECK(results["test"]["psnr"].get<double>() > 20);  // 7.7 dB is a picture without a scene
     CHECK(verdict(at(codec) + "/model.cmk", setting().key) == 0);
     const int other = verdict(at(codec) + "/model.cmk", setting().other);
     CHECK((other == 1 || other == 3));
@@ -82,7 +85,7 @@ TEST_CASE("tool: a published profile marks the scene while it trains, in either 
     done("train --iterations 60 --profile " + profile + common + at(profile));
     const nlohmann::json results = json_of(at(profile) + "/results.json");
     CHECK(results["recipe"] == recipe);
-    CHECK(results["bit_accuracy"]["views"] == 4);
+    CHECK(results["bit_accuracy"]["views"] == 8);
     CHECK_FALSE(fs::exists(at(profile) + "/model.cmk"));
   }
 }
