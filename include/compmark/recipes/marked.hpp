@@ -40,13 +40,13 @@ struct MarkedForCompression : Marked<BaseRecipe, Decoder> {
       QuantizationNoise<typename BaseRecipe::Scalar, BaseRecipe::AnchorModel::shape.feature_dim, distortion_options>;
 };
 
-/// The same, learned in views that lack anchors (PosthocSettings::lost_anchors).
 /// A mark that is hidden in finished models alone (PosthocEmbedding): the recipe has no training with photographs.
 template <class MarkedRecipe>
 struct FinishedOnly : MarkedRecipe {
   static constexpr bool is_of_finished_models = true;
 };
 
+/// The same, learned in views that lack anchors (PosthocSettings::lost_anchors).
 template <class MarkedRecipe>
 struct WithLostAnchors : MarkedRecipe {
   using Stages = JoinStages<typename detail::OwnStages<MarkedRecipe>::type, StageList<LostAnchorsStage>>;

@@ -38,6 +38,19 @@ Buffer<std::uint32_t> all_rows(std::size_t count) {
   return rows;
 }
 
+/// The readings, of as many as there are iterations, that lack anchors.
+std::size_t readings_lacking_anchors(const TrainSettings& settings) {
+  LostAnchorsStage stage;
+  stage.configure<Losing>(settings);
+  std::size_t count = 0;
+  for (std::int64_t t = 1; t <= settings.iterations; ++t) {
+    LostAnchorsStage::Phase phase;
+    stage.set_phase({t, settings.iterations, settings.seed}, phase);
+    count += phase.share > 0 ? 1 : 0;
+  }
+  return count;
+}
+
 }  // namespace
 
 TEST_CASE(
@@ -102,6 +115,21 @@ TEST_CASE("embed/lost_anchors: the marked and the unmarked render lack the same 
   }
   CHECK(fewer >= 3);
   CHECK(fewer <= 20);
+
+  // Held to photographs, a render that lacks anchors is still compared with the unmarked one that lacks them: the difference to a photograph, which the
+  // other readings have, would teach the mark to put back what is missing.
+  TrainSettings photographed = still;
+  photographed.mark.posthoc.photograph_share = 1;
+  LosingEmbedding by_photographs = started(two, photographed);
+  std::size_t held_to_unmarked = 0;
+  for (int i = 0; i < 30; ++i) {
+    const auto report = by_photographs.step(views);
+    REQUIRE(report.ok());
+    held_to_unmarked += by_photographs.reading().report().distortion == 0 ? 1 : 0;
+  }
+  CHECK(held_to_unmarked == readings_lacking_anchors(photographed));
+  CHECK(held_to_unmarked >= 3);
+  CHECK(held_to_unmarked <= 20);
 
   LosingEmbedding first = started(two, losing_settings(0.6)), second = started(one, losing_settings(0.6));
   REQUIRE(first.run(views));

@@ -38,6 +38,7 @@
 #include "compmark/watermark/embed/mark_phases.hpp"
 #include "compmark/watermark/embed/novel_view_reading.hpp"
 #include "compmark/watermark/embed/stages/embedder.hpp"
+#include "compmark/watermark/embed/stages/lost_anchors.hpp"
 #include "compmark/watermark/embed/view_costs.hpp"
 
 namespace compmark {
@@ -134,11 +135,21 @@ class PosthocEmbedding : public TrainingLoop<PosthocEmbedding<R, E>, R, E> {
   }
 
  private:
-  /// Whether iteration t is held to a photograph.
+  /// Whether iteration t is held to a photograph. Where anchors are left out it is not: no photograph lacks them, and the
+  /// mark would be taught to put them back.
   [[nodiscard]] bool looks_at_photograph(std::int64_t t) const {
     const double share = schedule_.photograph_share();
-    return share > 0 &&
+    return share > 0 && !lacks_anchors() &&
            Random(settings_.seed, static_cast<std::uint64_t>(t), random_stage("photographed")).uniform(0) < share;
+  }
+
+  [[nodiscard]] bool lacks_anchors() const {
+    bool lacks = false;
+    const auto& phases = phases_;  // g++ 12 does not find the base class's member in the lambda
+    Pipeline<R>::Stages::forward([&]<class S>() {
+      if constexpr (std::is_same_v<S, LostAnchorsStage>) lacks = phases.template of<S>().share > 0;
+    });
+    return lacks;
   }
 
   template <class Views>

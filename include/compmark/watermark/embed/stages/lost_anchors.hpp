@@ -3,7 +3,7 @@
 //
 // Anchors that are lost while a mark is learned, so that it survives that a model is pruned: in one reading of
 // `one_in`, a share of the visible anchors, drawn anew up to PosthocSettings::lost_anchors, is not decoded, neither in
-// the marked render nor in the unmarked one that it is compared with. A stage of recipes that hide a message in a
+// the marked render nor in the unmarked one that it is compared with (in place of a photograph). A stage of recipes that hide a message in a
 // finished model (recipes::WithLostAnchors). Cost: a random number a visible anchor in such a reading.
 #pragma once
 
