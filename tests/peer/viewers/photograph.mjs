@@ -4,8 +4,8 @@
 // Opens a splat file in somebody else's viewer, in a Chromium without a screen, and photographs the page at cameras
 // of ours:
 //  node photograph.mjs <browser> <node_modules> <viewer> <file> <cameras.json> <width> <height> <folder> [key=value]...
-// <viewer> is spark or gaussian_splats_3d or playcanvas: a module beside this file, which uses what the npm package
-// exports and nothing else. <cameras.json> is of Blender's kind (camera_angle_x, transform_matrix). Pictures are
+// <viewer> is spark, babylon, gaussian_splats_3d, playcanvas or three: a module beside this file, which uses what the
+// npm package exports and nothing else. <cameras.json> is of Blender's kind (camera_angle_x, transform_matrix). Pictures are
 // called as the frames' files are. background=RRGGBB; turn=x: the file is turned by half a circle round x, for
 // formats with y up; views=N: the first so many; any other key goes to the viewer as an option. Exit status 2: the
 // viewer said no, and why is on the last line.
@@ -27,11 +27,15 @@ const name = basename(file);
 // What the page may ask for: itself, the viewers' packages, our modules and the file.
 const imports = {
   three: "/modules/three/build/three.module.js",
+  "three/webgpu": "/modules/three/build/three.webgpu.js",
+  "three/tsl": "/modules/three/build/three.tsl.js",
   "three/addons/": "/modules/three/examples/jsm/",
   "@sparkjsdev/spark": "/modules/@sparkjsdev/spark/dist/spark.module.js",
   "@mkkellogg/gaussian-splats-3d": "/modules/@mkkellogg/gaussian-splats-3d/build/gaussian-splats-3d.module.js",
   playcanvas: "/modules/playcanvas/build/playcanvas.mjs",
   "playcanvas/": "/modules/playcanvas/",
+  "@adobe/spz": "/modules/@adobe/spz/dist/spz.js",
+  "@babylonjs/": "/modules/@babylonjs/",
 };
 const task = { url: "/splats/" + name, name, width: Number(width), height: Number(height), angle: scene.camera_angle_x, background, turn, options };
 const page = `<!doctype html><meta charset="utf-8"><style>html,body{margin:0;overflow:hidden;background:#${background}}canvas{display:block}</style><body>
